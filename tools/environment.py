@@ -1,4 +1,4 @@
-"""Makes the two environments Reshade is run and tested in, from nothing but Python 3.9 or later.
+"""Makes the two environments Reshade is run and tested in, from nothing but Python 3.11 or later.
 
     python3 tools/environment.py main     .venv: Python 3.13 with Blender 5.2, else Python 3.11 with Blender 4.5
     python3 tools/environment.py smoke    .build/venv-4.5: Python 3.11 with Blender 4.5 and pytest, without scipy, so
@@ -13,7 +13,6 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
-from typing import Optional
 
 ROOT = Path(__file__).resolve().parent.parent
 UV_VERSION = "0.13.9"
@@ -38,7 +37,7 @@ def find_uv() -> str:
     return str(private / "bin" / "uv")
 
 
-def find_python(uv: str, version: str) -> Optional[str]:
+def find_python(uv: str, version: str) -> str | None:
     """A Python of this version ("3.13"): on PATH, under pyenv, else fetched by uv; None where none is to be had."""
     pyenv = Path(os.environ.get("PYENV_ROOT", Path.home() / ".pyenv")) / "versions"
     candidates = [shutil.which(f"python{version}"), *sorted(map(str, pyenv.glob(f"{version}.*/bin/python")))]
@@ -46,7 +45,8 @@ def find_python(uv: str, version: str) -> Optional[str]:
         # a pyenv shim is on PATH even where pyenv has that version switched off, so ask it
         asked = subprocess.run(
             [candidate, "-c", "import sys; print('%d.%d' % sys.version_info[:2], sys.executable)"],
-            capture_output=True, text=True,
+            capture_output=True,
+            text=True,
         )
         if asked.returncode == 0 and asked.stdout.split()[0] == version:
             return asked.stdout.split(maxsplit=1)[1].strip()
@@ -63,7 +63,8 @@ def make(uv: str, python: str, directory: Path, *requirements: str) -> Path:
     subprocess.run([uv, "venv", "--quiet", "--python", python, str(directory)], check=True)
     subprocess.run(
         [uv, "pip", "install", "--quiet", "--python", str(directory / "bin" / "python"), *requirements],
-        check=True, cwd=ROOT,
+        check=True,
+        cwd=ROOT,
     )
     return next((directory / "lib").glob("python*")) / "site-packages"
 
@@ -79,9 +80,7 @@ def main_environment(uv: str) -> None:
         python = find_python(uv, "3.11")
     if python is None:
         raise SystemExit("Neither Python 3.13 nor 3.11 is to be had. Install one of them.")
-    packages = make(
-        uv, python, directory, "-r", f"requirements-blender-{blender}.txt", "-r", "requirements-tools.txt"
-    )
+    packages = make(uv, python, directory, "-r", f"requirements-blender-{blender}.txt", "-r", "requirements-tools.txt")
     # Blender gives the extension's package its name; here the clone gets it by a link, whatever its folder is called
     (packages / "reshade").symlink_to(os.path.relpath(ROOT, packages), target_is_directory=True)
     command = directory / "bin" / "reshade"
