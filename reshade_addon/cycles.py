@@ -1,0 +1,102 @@
+"""Renders by Cycles as linear float pictures, with the user's render settings untouched."""
+
+import tempfile
+from collections.abc import Generator, Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from ..core.errors import ReshadeError
+from ..core.types import Array, Progress
+from .photo_io import read_linear
+from .render_depsgraph import first_layer, settings
+
+CHUNK = 64  # samples between two looks at the clock: a picture of so many is made without a pause
+
+
+def render(
+    scene: bpy.types.Scene, samples: int, *, seed: int = 0, direct_only: bool = False
+) -> Generator[Progress, None, Array]:
+    """Render a scene's linear picture (H, W, 3), in chunks, telling progress after each.
+
+    seed : of the random numbers. The same scene, samples and seed give the same picture.
+    direct_only : leave out light that was reflected more than once
+
+    The picture is not denoised, has no compositing, and its exposure is 1.
+    """
+    total = np.zeros((scene.render.resolution_y, scene.render.resolution_x, 3))
+    done = 0
+    while done < samples:
+        yield Progress(done / samples, f"Rendering, {done} of {samples} samples")
+        count = min(CHUNK, samples - done)
+        total += count * _render_once(scene, count, seed + done // CHUNK, direct_only)
+        done += count
+    return total / samples
+
+
+def _render_once(scene: bpy.types.Scene, samples: int, seed: int, direct_only: bool) -> Array:
+    with tempfile.TemporaryDirectory() as folder, _plain_render(scene, samples, seed, direct_only):
+        path = Path(folder) / "render.exr"
+        scene.render.filepath = str(path)
+        bpy.ops.render.render(scene=scene.name, layer=first_layer(scene).name, write_still=True)
+        if not path.is_file():
+            raise ReshadeError("Cycles did not render the scene", "Render it once by hand to see Blender's message")
+        return read_linear(path)
+
+
+@contextmanager
+def _plain_render(scene: bpy.types.Scene, samples: int, seed: int, direct_only: bool) -> Iterator[None]:
+    """Settings for a plain linear picture by Cycles; the old ones return afterwards."""
+    if not hasattr(scene, "cycles"):
+        raise ReshadeError("Cycles is switched off", "Enable 'Cycles Render Engine' under Preferences, Add-ons")
+    with ExitStack() as stack:
+        stack.enter_context(
+            settings(
+                scene.render,
+                filepath=scene.render.filepath,
+                engine="CYCLES",
+                resolution_percentage=100,
+                use_border=False,
+                use_compositing=False,
+                use_sequencer=False,
+                use_multiview=False,
+                use_freestyle=False,
+                use_motion_blur=False,
+                use_file_extension=True,
+                use_overwrite=True,
+                film_transparent=False,
+            )
+        )
+        stack.enter_context(_exr(scene.render.image_settings))
+        cycles = scene.cycles
+        stack.enter_context(
+            settings(
+                cycles,
+                samples=samples,
+                seed=seed,
+                use_animated_seed=False,
+                use_adaptive_sampling=False,
+                use_denoising=False,
+                light_sampling_threshold=0.0,
+                sample_clamp_direct=0.0,
+                sample_clamp_indirect=0.0,
+                film_exposure=1.0,
+                time_limit=0.0,
+            )
+        )
+        if direct_only:
+            stack.enter_context(settings(cycles, max_bounces=0))
+        yield
+
+
+@contextmanager
+def _exr(image: bpy.types.ImageFormatSettings) -> Iterator[None]:
+    """Set a single-layer float EXR as the format. From 5.0 on the kind of media comes before the format."""
+    with ExitStack() as stack:
+        if hasattr(image, "media_type"):
+            stack.enter_context(settings(image, media_type="IMAGE"))
+        stack.enter_context(settings(image, file_format="OPEN_EXR"))
+        stack.enter_context(settings(image, color_mode="RGB", color_depth="32", exr_codec="ZIP"))
+        yield

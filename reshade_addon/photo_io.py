@@ -1,0 +1,178 @@
+"""Photos from files and back, through OpenImageIO, exactly.
+
+Integer files (PNG, JPEG, TIFF) hold sRGB-encoded values, floating-point ones (EXR, HDR, TIFF) hold linear ones.
+A photo read from 8 bits and written to 16 is each value times 257; a float32 EXR comes back as it was.
+"""
+
+import tempfile
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..core.color import linear_to_srgb, srgb_to_linear
+from ..core.errors import NothingToLearn, ReshadeError
+from ..core.sensor import clipping_mask
+from ..core.types import Array, Photo
+
+READABLE = (".png", ".jpg", ".jpeg", ".exr", ".tif", ".tiff", ".hdr", ".bmp", ".webp", ".tga")
+WRITABLE = (".exr", ".png")
+
+SMALLEST_SIDE = 8  # pixels; below it there is no shading to speak of
+BLACK = 1e-5  # linear; under a thirtieth of an 8-bit step
+
+
+def read_photo(path: str | Path, linear: bool | None = None) -> Photo:
+    """Read a photo as scene-linear Rec.709.
+
+    linear : whether the file's values are linear; None: by its type, integers encoded and floats linear
+
+    Grey becomes colour. Pixels that are not opaque show more than the scene; they count as clipped.
+    Raises ReshadeError for a file that is missing, unreadable or holds no finite RGB picture, and NothingToLearn for
+    one that is black, clipped or tiny.
+    """
+    stored, opaque = _read(Path(path))
+    name = Path(path).name
+    if not np.issubdtype(stored.dtype, np.integer):
+        bad = ~np.isfinite(stored).all(axis=-1)
+        if bad.any():
+            raise ReshadeError(
+                f"The photo '{name}' has {np.count_nonzero(bad)} pixels that are NaN or infinite",
+                "Repair it in an image editor or export it again",
+            )
+    height, width = stored.shape[:2]
+    if min(width, height) < SMALLEST_SIDE:
+        raise NothingToLearn(
+            f"The photo '{name}' is {width} x {height} pixels, too small to show any shading",
+            f"Use one of at least {SMALLEST_SIDE} x {SMALLEST_SIDE}",
+        )
+    photo = _decoded(stored, opaque, linear)
+    if photo.linear.max() <= BLACK:
+        raise NothingToLearn(f"The photo '{name}' is black all over", "Use a photo that shows the lit scene")
+    if photo.clipped.all():
+        raise NothingToLearn(
+            f"Every pixel of the photo '{name}' is clipped or transparent", "Use a photo with less exposure"
+        )
+    return photo
+
+
+def read_packed(data: bytes, suffix: str, linear: bool | None = None) -> Photo:
+    """Read a photo from a file's bytes, as a .blend packs them; `suffix` is the file's extension."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / f"photo{suffix}"
+        path.write_bytes(data)
+        return read_photo(path, linear)
+
+
+def read_linear(path: str | Path) -> Array:
+    """Read the values (H, W, 3) of a file as they are stored, unchecked: for renders, where black is a fair answer."""
+    return _read(Path(path))[0].astype(np.float64)
+
+
+def write_picture(path: str | Path, linear: ArrayLike) -> None:
+    """Write a scene-linear picture (H, W, 3) by the extension of `path`: .exr float32 linear, .png 16-bit encoded.
+
+    Raises ReshadeError for another extension or where the file cannot be written.
+    """
+    path = Path(path)
+    check_writable(path)
+    linear = np.asarray(linear, dtype=np.float64)
+    if path.suffix.lower() == ".exr":
+        _write(path, linear.astype(np.float32), "float", {"compression": "zip", "oiio:ColorSpace": "lin_rec709"})
+    else:
+        encoded = np.clip(linear_to_srgb(linear), 0.0, 1.0)
+        _write(path, np.rint(encoded * 65535).astype(np.uint16), "uint16", {"oiio:ColorSpace": "sRGB"})
+
+
+def write_encoded(path: str | Path, encoded: ArrayLike) -> None:
+    """Write sRGB-encoded values in 0..1 (H, W, 3) as an 8-bit PNG: for diagrams, which are made encoded."""
+    values = np.rint(np.clip(np.asarray(encoded, dtype=np.float64), 0.0, 1.0) * 255).astype(np.uint8)
+    _write(Path(path), values, "uint8", {"oiio:ColorSpace": "sRGB"})
+
+
+def check_writable(path: str | Path) -> None:
+    """Raise ReshadeError unless the extension of `path` is one that `write_picture` writes."""
+    if Path(path).suffix.lower() not in WRITABLE:
+        raise ReshadeError(f"The output '{Path(path).name}' is of no known kind", "Name it .exr or .png")
+
+
+def _read(path: Path) -> tuple[np.ndarray, np.ndarray]:
+    """Read a file's stored RGB values (H, W, 3), in their own type, and which pixels are opaque (H, W)."""
+    import OpenImageIO as oiio
+
+    if not path.is_file():
+        raise ReshadeError(f"There is no photo '{path}'", "Check the path")
+    asked = oiio.ImageSpec()
+    asked.attribute("oiio:UnassociatedAlpha", 1)
+    file = oiio.ImageInput.open(str(path), asked)
+    if file is None:
+        raise _unreadable(path, oiio.geterror())
+    try:
+        spec = file.spec()
+        kind = {"uint8": "uint8", "uint16": "uint16", "half": "float", "float": "float", "double": "double"}.get(
+            str(spec.format)
+        )
+        if kind is None:
+            raise ReshadeError(
+                f"The photo '{path.name}' stores its values as {spec.format}", "Export it with 8 or 16 bits, or as EXR"
+            )
+        pixels = file.read_image(0, 0, 0, spec.nchannels, kind)
+        if pixels is None:
+            raise _unreadable(path, file.geterror())
+    finally:
+        file.close()
+    pixels = pixels.reshape(spec.height, spec.width, spec.nchannels)
+    colour, alpha = _channels(tuple(spec.channelnames), path)
+    full = np.iinfo(pixels.dtype).max if np.issubdtype(pixels.dtype, np.integer) else 1.0
+    opaque = np.ones(pixels.shape[:2], dtype=bool) if alpha is None else pixels[..., alpha] >= full
+    return pixels[..., colour], opaque
+
+
+def _channels(names: tuple[str, ...], path: Path) -> tuple[list[int], int | None]:
+    """Find the positions of red, green, blue and, if there is one, alpha among a file's channels.
+
+    A multilayer EXR's combined picture has names such as 'ViewLayer.Combined.R'; the first such layer is meant.
+    """
+    last = [name.rsplit(".", 1)[-1].upper() for name in names]
+    alpha = last.index("A") if "A" in last else None
+    if {"R", "G", "B"} <= set(last):
+        return [last.index("R"), last.index("G"), last.index("B")], alpha
+    if last[0] in ("Y", "I", "L") or len(names) <= 2:
+        return [0, 0, 0], alpha if len(names) > 1 else None
+    raise ReshadeError(
+        f"The photo '{path.name}' has the channels {', '.join(names)}, not red, green and blue", "Export it as RGB"
+    )
+
+
+def _decoded(stored: np.ndarray, opaque: np.ndarray, linear: bool | None) -> Photo:
+    if not np.issubdtype(stored.dtype, np.integer):
+        values = stored.astype(np.float64)
+        if linear is False:
+            return Photo(srgb_to_linear(values), clipping_mask(values) | ~opaque)
+        return Photo(values, ~opaque)
+    ceiling = np.iinfo(stored.dtype).max
+    encoded = np.arange(ceiling + 1) / ceiling
+    table = encoded if linear else srgb_to_linear(encoded)
+    return Photo(table[stored], clipping_mask(stored / ceiling) | ~opaque)
+
+
+def _write(path: Path, pixels: np.ndarray, kind: str, attributes: dict[str, str]) -> None:
+    import OpenImageIO as oiio
+
+    height, width = pixels.shape[:2]
+    spec = oiio.ImageSpec(width, height, 3, kind)
+    for name, value in attributes.items():
+        spec.attribute(name, value)
+    file = oiio.ImageOutput.create(str(path))
+    written = file.open(str(path), spec) and file.write_image(np.ascontiguousarray(pixels))
+    # The last bytes are written on closing: a full disk shows only there.
+    if not (file.close() and written):
+        raise ReshadeError(f"'{path}' cannot be written ({file.geterror().strip()})", "Check the folder and the disk")
+
+
+def _unreadable(path: Path, why: str) -> ReshadeError:
+    # OpenImageIO's message may have several lines; ours has one.
+    reason = "; ".join(line.strip() for line in why.splitlines() if line.strip()) or "unknown format"
+    return ReshadeError(
+        f"The photo '{path.name}' cannot be read ({reason.rstrip('.')})", "Open it in an image editor and save it again"
+    )

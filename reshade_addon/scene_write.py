@@ -1,0 +1,187 @@
+"""What was recovered, as Blender lights, materials and world; and the photo behind the camera."""
+
+from collections.abc import Sequence
+
+import bpy
+import numpy as np
+from mathutils import Matrix
+
+from ..core.types import AreaLight, Array, Light, PointLight, SunLight, Surface
+from .projection import add_projection
+
+LIGHT = "Reshade light"
+WORLD = "Reshade ambient"
+PREVIEW = "Reshade photo"  # name of the node that shows the photo on an unsolved material
+
+
+def write_light(scene: bpy.types.Scene, light: Light, obj: bpy.types.Object | None = None) -> bpy.types.Object:
+    """Make a light object that Cycles renders as the core shades it, or turn `obj` into it. Returns the object.
+
+    The camera does not see the light itself: where the photo shows a lamp, it is in the photo already.
+    """
+    kind = {AreaLight: "AREA", PointLight: "POINT", SunLight: "SUN"}[type(light)]
+    if obj is None:
+        obj = bpy.data.objects.new(LIGHT, bpy.data.lights.new(LIGHT, kind))
+        scene.collection.objects.link(obj)
+        obj.visible_camera = False
+    obj.data.type = kind
+    data = obj.data  # after a change of type Blender has another class for it
+    if isinstance(light, AreaLight):
+        data.shape = "RECTANGLE"
+        data.size, data.size_y = light.size
+        data.spread = np.pi
+        _set_strength(data, light.radiance * np.pi * light.size.prod())
+        _place(obj, light.u, light.v, light.centre)
+    elif isinstance(light, PointLight):
+        data.shadow_soft_size = 0.0
+        _set_strength(data, light.intensity * 4 * np.pi)
+        _place(obj, np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0]), light.centre)
+    else:
+        data.angle = 0.0
+        _set_strength(data, light.irradiance)
+        helper = np.eye(3)[np.argmin(np.abs(light.normal))]
+        u = np.cross(helper, -light.normal)
+        u /= np.linalg.norm(u)
+        _place(obj, u, np.cross(-light.normal, u), np.array(obj.matrix_world.translation))
+    return obj
+
+
+def set_strength(obj: bpy.types.Object, light: Light) -> None:
+    """Give a light object the strength of `light`, and leave all else as it is."""
+    if isinstance(light, AreaLight):
+        _set_strength(obj.data, light.radiance * np.pi * light.size.prod())
+    elif isinstance(light, PointLight):
+        _set_strength(obj.data, light.intensity * 4 * np.pi)
+    else:
+        _set_strength(obj.data, light.irradiance)
+
+
+def _set_strength(data: bpy.types.Light, power: Array) -> None:
+    """Set energy and colour to a power of three channels; the colour's largest is 1."""
+    data.energy = float(power.max())
+    data.color = power / power.max() if power.max() > 0 else (1.0, 1.0, 1.0)
+    for name, neutral in (("exposure", 0.0), ("normalize", True), ("use_temperature", False)):
+        if hasattr(data, name):  # Blender 4.4 and before have none of these
+            setattr(data, name, neutral)
+
+
+def _place(obj: bpy.types.Object, u: Array, v: Array, centre: Array) -> None:
+    matrix = np.eye(4)
+    matrix[:3, 0], matrix[:3, 1], matrix[:3, 2], matrix[:3, 3] = u, v, np.cross(u, v), centre
+    obj.matrix_world = Matrix(matrix.tolist())
+
+
+def write_world(scene: bpy.types.Scene, ambient: Array) -> None:
+    """Give the scene a world of uniform radiance (3,). A world of the user's stays in the file, unused."""
+    world = scene.world if scene.world and scene.world.name.startswith(WORLD) else bpy.data.worlds.new(WORLD)
+    scene.world = world
+    use_nodes(world)
+    nodes = world.node_tree.nodes
+    nodes.clear()
+    background = nodes.new("ShaderNodeBackground")
+    strength = float(ambient.max())
+    background.inputs["Strength"].default_value = strength
+    background.inputs["Color"].default_value = (*(ambient / strength if strength > 0 else np.ones(3)), 1.0)
+    output = nodes.new("ShaderNodeOutputWorld")
+    output.location = (300, 0)
+    world.node_tree.links.new(background.outputs[0], output.inputs["Surface"])
+
+
+def write_material(
+    material: bpy.types.Material,
+    surface: Surface,
+    group: bpy.types.NodeTree | None = None,
+    texture: bpy.types.Image | None = None,
+) -> None:
+    """Make a material what was solved for its surface: base colour and gloss, and nothing else of the shader.
+
+    group, texture : the projection and the unlit picture of a textured surface; its one albedo stays where the
+        picture shows nothing
+    """
+    shader = _bare_principled(material)
+    colour = shader.inputs["Base Color"]
+    colour.default_value = (*surface.albedo, 1.0)
+    shader.inputs["Specular IOR Level"].default_value = surface.specular
+    shader.inputs["Roughness"].default_value = surface.roughness
+    material.diffuse_color = (*surface.albedo, 1.0)
+    if texture is not None and group is not None:
+        tree = material.node_tree
+        image = add_projection(tree, group, texture)
+        mix = tree.nodes.new("ShaderNodeMix")
+        mix.data_type = "RGBA"
+        mix.location = (-200, 200)
+        sockets = {socket.identifier: socket for socket in mix.inputs}
+        tree.links.new(image.outputs["Alpha"], sockets["Factor_Float"])
+        sockets["A_Color"].default_value = (*surface.albedo, 1.0)
+        tree.links.new(image.outputs["Color"], sockets["B_Color"])
+        result = next(socket for socket in mix.outputs if socket.identifier == "Result_Color")
+        tree.links.new(result, colour)
+
+
+def show_photo(material: bpy.types.Material, group: bpy.types.NodeTree, photo: bpy.types.Image) -> None:
+    """Make a material show the photo, projected and unlit, until it is solved."""
+    shader = _bare_principled(material)
+    image = add_projection(material.node_tree, group, photo)
+    image.name = PREVIEW
+    shader.inputs["Base Color"].default_value = (0.0, 0.0, 0.0, 1.0)
+    shader.inputs["Specular IOR Level"].default_value = 0.0
+    material.node_tree.links.new(image.outputs["Color"], shader.inputs["Emission Color"])
+    shader.inputs["Emission Strength"].default_value = 1.0
+
+
+def shows_photo(material: bpy.types.Material) -> bool:
+    """Whether a material still shows the photo as `show_photo` left it."""
+    return material.node_tree is not None and PREVIEW in material.node_tree.nodes
+
+
+def _bare_principled(material: bpy.types.Material) -> bpy.types.ShaderNodeBsdfPrincipled:
+    """Rebuild a material as a Principled shader that is exactly Lambert (diffuse roughness 0, no specular)."""
+    use_nodes(material)
+    nodes = material.node_tree.nodes
+    nodes.clear()
+    shader = nodes.new("ShaderNodeBsdfPrincipled")
+    output = nodes.new("ShaderNodeOutputMaterial")
+    output.location = (300, 0)
+    material.node_tree.links.new(shader.outputs[0], output.inputs["Surface"])
+    shader.inputs["Metallic"].default_value = 0.0
+    shader.inputs["Diffuse Roughness"].default_value = 0.0
+    return shader
+
+
+def use_nodes(owner: bpy.types.Material | bpy.types.World) -> None:
+    """Give a material or world its node tree; from Blender 5.0 on it always has one, and asking is deprecated."""
+    if bpy.app.version < (5, 0, 0):
+        owner.use_nodes = True
+
+
+def write_photo(scene: bpy.types.Scene, camera: bpy.types.Object, photo: bpy.types.Image) -> None:
+    """Put the photo behind the camera, give the render its size and show both as they are stored."""
+    scene.render.resolution_x, scene.render.resolution_y = photo.size
+    scene.render.resolution_percentage = 100
+    scene.render.pixel_aspect_x = scene.render.pixel_aspect_y = 1.0
+    data = camera.data
+    behind = next((b for b in data.background_images if b.image == photo), None) or data.background_images.new()
+    behind.image = photo
+    behind.alpha = 1.0
+    behind.display_depth = "BACK"
+    behind.frame_method = "STRETCH"
+    data.show_background_images = True
+    show_as_stored(scene)
+
+
+def show_as_stored(scene: bpy.types.Scene) -> None:
+    """Set the view transform to the one that shows a photo with its own colours."""
+    scene.display_settings.display_device = "sRGB"
+    view = scene.view_settings
+    view.view_transform = "Standard"
+    view.look = "None"
+    view.exposure = 0.0
+    view.gamma = 1.0
+    view.use_curve_mapping = False
+    scene.render.dither_intensity = 0.0
+
+
+def unseen(scene: bpy.types.Scene, solved: Sequence[Surface]) -> Surface:
+    """The surface to give to materials the photo says nothing about: matt, of the others' mean albedo."""
+    albedo = np.mean([surface.albedo for surface in solved], axis=0) if solved else np.full(3, 0.5)
+    return Surface("", albedo, 0)
