@@ -4,47 +4,80 @@ The points on the light are stratified and shift from sample to sample, but are 
 between two positions of a light then show the light's movement and not other random numbers.
 """
 
+from dataclasses import replace
+
 import numpy as np
 
-from .types import AreaLight, Array, Light, PointLight, Samples, SunLight, Visible
+from .types import AreaLight, Array, Light, Samples, SunLight, Visible
 
 _PLASTIC = 1.32471795724474602596  # root of x^3 = x + 1: the R2 low-discrepancy sequence
+_MARGIN = 0.06  # of the reach: how far a light may move before samples thought settled are asked again
+_PROBES = 24  # rays a sample to find out whether it is settled
 
 
 def pattern(count: int, rays: int) -> Array:
     """Compute (count, rays, 2) points of the unit square, low-discrepancy along either of the first two axes."""
     alpha = np.array([1 / _PLASTIC, 1 / _PLASTIC**2])
     within = (0.5 + np.arange(rays)[:, None] * alpha) % 1.0
-    golden = np.array([0.6180339887498949, 0.7548776662466927])
-    shift = (np.arange(count)[:, None] * golden * 7.0) % 1.0
+    shift = (np.arange(count)[:, None] * np.array([0.6180339887498949, 0.7548776662466927]) * 7.0) % 1.0
     return (within[None] + shift[:, None]) % 1.0
 
 
-def visible_fraction(light: Light, samples: Samples, visible: Visible, rays: int, far: float) -> Array:
+def visible_fraction(
+    light: Light, samples: Samples, visible: Visible, rays: int, far: float, settled: Array | None = None
+) -> Array:
     """Compute the share of each sample's light that arrives, (N,) in 0..1: 1 where nothing is in the way.
 
     rays : shadow rays a sample; a point and a sun need and get one
     far : length of a ray towards the sun, metres
+    settled : (N,) from `settled`; only its NaN are asked, the rest is taken as it stands
     Rays to parts of the light that do not shine on the sample are not cast, and each counts by what it would bring.
     """
-    start = samples.point + samples.lift * samples.normal
+    ask = np.arange(len(samples)) if settled is None else np.flatnonzero(np.isnan(settled))
+    share = np.ones(len(samples)) if settled is None else settled.copy()
+    point, normal = samples.point[ask], samples.normal[ask]
     if isinstance(light, AreaLight):
-        at = pattern(len(samples), rays) - 0.5
-        sides = np.stack([light.size[0] * light.u, light.size[1] * light.v])
-        target = light.centre + at @ sides
-        away = target - samples.point[:, None]
+        at = pattern(len(samples), rays)[ask] - 0.5
+        target = light.centre + at @ np.stack([light.size[0] * light.u, light.size[1] * light.v])
+        away = target - point[:, None]
         square = np.einsum("ijk,ijk->ij", away, away)
-        weight = np.maximum(np.einsum("ijk,ik->ij", away, samples.normal), 0.0)
+        weight = np.maximum(np.einsum("ijk,ik->ij", away, normal), 0.0)
         weight *= np.maximum(-(away @ light.normal), 0.0) / np.maximum(square, 1e-300) ** 2
     else:
-        target = _towards(light, samples, far)[:, None]
-        weight = (np.einsum("ijk,ik->ij", target - samples.point[:, None], samples.normal) > 0).astype(np.float64)
-    reaches = np.zeros(weight.shape)
-    cast = weight > 0
-    origin = np.broadcast_to(start[:, None], target.shape)
-    reaches[cast] = visible(origin[cast], target[cast])
+        target = (point - far * light.normal if isinstance(light, SunLight) else light.centre + 0.0 * point)[:, None]
+        weight = (np.einsum("ijk,ik->ij", target - point[:, None], normal) > 0).astype(np.float64)
+    arrives = _cast(point + samples.lift * normal, target, weight > 0, visible)
     total = weight.sum(axis=1)
-    return np.where(total > 0, (weight * reaches).sum(axis=1) / np.where(total > 0, total, 1.0), 1.0)
+    share[ask] = np.where(total > 0, (weight * arrives).sum(axis=1) / np.where(total > 0, total, 1.0), 1.0)
+    return share
+
+
+def settled(light: Light, samples: Samples, visible: Visible, far: float, reach: float) -> Array:
+    """Find the samples that are fully lit (1) or fully shadowed (0) wherever near `light` the light may be.
+
+    Returns (N,), NaN where the sample lies in a penumbra, or would once the light moves a little. Few samples do, so
+    the rays saved here are spent on them.
+    """
+    if isinstance(light, AreaLight):
+        wide: AreaLight | None = replace(light, size=1.2 * light.size + 2 * _MARGIN * reach)
+        at = pattern(len(samples), _PROBES) - 0.5
+        sides = np.stack([wide.size[0] * light.u, wide.size[1] * light.v])
+        target = light.centre + at @ sides
+    else:
+        at = pattern(len(samples), _PROBES) - 0.5
+        straight = samples.point - far * light.normal if isinstance(light, SunLight) else light.centre + 0 * samples.point
+        axis = np.mean(straight - samples.point, axis=0)
+        u = np.cross(np.eye(3)[np.argmin(np.abs(axis))], axis)
+        u /= np.linalg.norm(u)
+        v = np.cross(axis / np.linalg.norm(axis), u)
+        spread = 2 * _MARGIN * (far if isinstance(light, SunLight) else reach)
+        target = straight[:, None] + at @ np.stack([spread * u, spread * v])
+    start = samples.point + samples.lift * samples.normal
+    above = np.einsum("ijk,ik->ij", target - samples.point[:, None], samples.normal) > 0
+    arrives = _cast(start, target, above, visible)
+    asked = above.sum(axis=1)
+    lit = arrives.sum(axis=1) == asked
+    return np.where(lit, 1.0, np.where(arrives.any(axis=1), np.nan, 0.0))
 
 
 def openness(samples: Samples, visible: Visible, rays: int, far: float) -> Array:
@@ -57,12 +90,14 @@ def openness(samples: Samples, visible: Visible, rays: int, far: float) -> Array
     v = np.cross(samples.normal, u)
     x, y, z = radius * np.cos(turn), radius * np.sin(turn), np.sqrt(1.0 - at[..., 0])
     direction = x[..., None] * u[:, None] + y[..., None] * v[:, None] + z[..., None] * samples.normal[:, None]
-    start = np.broadcast_to((samples.point + samples.lift * samples.normal)[:, None], direction.shape)
-    target = start + far * direction
-    return visible(start.reshape(-1, 3), target.reshape(-1, 3)).reshape(len(samples), rays).mean(axis=1)
+    start = samples.point + samples.lift * samples.normal
+    return _cast(start, start[:, None] + far * direction, np.ones(at.shape[:2], dtype=bool), visible).mean(axis=1)
 
 
-def _towards(light: PointLight | SunLight, samples: Samples, far: float) -> Array:
-    if isinstance(light, SunLight):
-        return samples.point - far * light.normal
-    return np.broadcast_to(light.centre, samples.point.shape)
+def _cast(start: Array, target: Array, wanted: Array, visible: Visible) -> Array:
+    """(N, K) bool: which of the wanted rays from start (N, 3) to target (N, K, 3) arrive."""
+    arrives = np.zeros(wanted.shape, dtype=bool)
+    target = np.broadcast_to(target, (*wanted.shape, 3))
+    origin = np.broadcast_to(start[:, None], target.shape)
+    arrives[wanted] = visible(origin[wanted], target[wanted])
+    return arrives

@@ -1,0 +1,100 @@
+"""Fit one light's geometry to the samples: equation 4.2 by trust-region least squares.
+
+Unknown are the light's coordinates (`lights.moved`), log c of each surface, and the ambient ratio r >= 0. Eliminating
+c instead (variable projection) shrinks the basin of attraction. Residuals are divided by what is expected of them, so
+a textured surface speaks softly, and enter through a soft-L1 loss, so a highlight or something unmodelled does not
+pull.
+"""
+
+from collections.abc import Generator
+from dataclasses import dataclass
+
+import numpy as np
+
+from .light_problem import Problem, State, cost, expected_residual, normal_equations
+from .lights import coordinates, moved, reach_of
+from .types import Array, Light
+
+_LARGEST_STEP = 0.5  # in the coordinates of `moved`
+_LARGEST_LOG_STEP = 2.0  # of a strength
+
+
+@dataclass(frozen=True, slots=True)
+class LightFit:
+    """A fitted light of unit strength and what surrounds it."""
+
+    light: Light
+    strength: Array  # (S,) light's strength times albedo, along each surface's mean colour; 0 where no light reaches
+    ambient: float  # over the light's strength
+    residual: Array  # (N,) radiance
+    expected: Array  # (N,) standard deviation of the residual as the fit weighed it
+    shading: Array  # (N,) of a unit light, shadows included
+    loss: float  # mean soft-L1 loss in units of `expected`
+    covariance: Array  # (P, P) of the light's coordinates
+    iterations: int
+    converged: bool
+
+
+def fit_light(
+    problem: Problem, start: Light, *, iterations: int, tolerance: float = 1e-4
+) -> Generator[float, None, LightFit]:
+    """Fit the light from one start; a generator that yields the mean loss after each step and returns a `LightFit`.
+
+    iterations : most steps to take; `LightFit.converged` says whether fewer were enough
+    tolerance : two steps in a row that lower the loss by less than this share of it end the fit
+    """
+    state, damping, quiet, done, converged = problem.start(start), 1e-2, 0, 0, False
+    expected = expected_residual(problem, state)
+    for done in range(1, iterations + 1):
+        matrix, slope = normal_equations(problem, state, expected)
+        before = cost(problem, state, expected)
+        found = None
+        while found is None and damping < 1e6:
+            trial = _stepped(problem, state, matrix, slope, damping)
+            after = cost(problem, trial, expected)
+            if after < before:
+                found = trial
+            else:
+                damping = max(damping * 5.0, 1e-6)
+        if found is None:
+            converged = True
+            break
+        state, damping = found, max(damping * 0.2, 1e-9)
+        yield after
+        quiet = quiet + 1 if before - after < tolerance * before else 0
+        if quiet >= 2:
+            converged = True
+            break
+        expected = expected_residual(problem, state)
+    return _result(problem, state, done, converged)
+
+
+def _stepped(problem: Problem, state: State, matrix: Array, slope: Array, damping: float) -> State:
+    """The state after a damped Gauss-Newton step (Marquardt's scaling)."""
+    diagonal = np.diag(matrix) + 1e-12 * np.trace(matrix)
+    step = -np.linalg.solve(matrix + np.diag(damping * diagonal), slope)
+    size = coordinates(state.light)
+    geometry = step[:size] * min(1.0, _LARGEST_STEP / max(np.abs(step[:size]).max(), 1e-300))
+    light = moved(state.light, geometry, reach_of(state.light, problem.middle))
+    log_c = state.log_c + np.clip(step[size:-1], -_LARGEST_LOG_STEP, _LARGEST_LOG_STEP)
+    return problem.state(light, log_c, max(state.ambient + step[-1], 0.0) if problem.with_ambient else 0.0)
+
+
+def _result(problem: Problem, state: State, iterations: int, converged: bool) -> LightFit:
+    expected = expected_residual(problem, state)
+    matrix, _ = normal_equations(problem, state, expected)
+    size = coordinates(state.light)
+    across, rest = matrix[:size, size:], matrix[size:, size:]
+    information = matrix[:size, :size] - across @ np.linalg.pinv(rest) @ across.T
+    return LightFit(
+        light=state.light,
+        strength=np.where(state.log_c > -600, np.exp(state.log_c), 0.0),
+        ambient=state.ambient,
+        residual=state.residual(problem),
+        expected=expected,
+        shading=state.shade * state.share,
+        loss=cost(problem, state, expected),
+        covariance=np.linalg.pinv(information),
+        iterations=iterations,
+        converged=converged,
+    )

@@ -1,0 +1,185 @@
+"""What a light fit explains: equation 4.2's residual for one light, its surfaces' strengths and a constant ambient.
+
+The residual of a sample is y - c (F V + r O): y its brightness along its surface's mean colour, c the strength times
+albedo of its surface, F the shading of a light of unit strength, V the share of the light that arrives, r the ambient
+radiance over the light's strength and O the sample's openness.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from .lights import coordinates, moved, reach_of, shading, shading_gradient
+from .types import Array, Light, Samples, Visible
+from .visibility import settled, visible_fraction
+
+# Steps for the derivative of visibility, in the coordinates of `moved`: wide enough to move a shadow by a pixel.
+_VISIBILITY_STEP = {8: np.array([0.02] * 3 + [0.03] * 3 + [0.1] * 2), 3: np.array([0.02] * 3), 2: np.array([0.02] * 2)}
+_NO_STRENGTH = 1e-300  # of a surface that the light does not reach
+_SMALLEST_SPREAD = 1e-4  # of the median brightness
+_LOSS_SCALE = 1.5  # of the expected residual: beyond it a residual counts by its size, not its square
+
+
+@dataclass(frozen=True, slots=True)
+class State:
+    """One set of the unknowns, and what it makes each sample look like."""
+
+    light: Light
+    log_c: Array  # (S,) strength times albedo; the logarithm keeps it positive, which the thesis does by a penalty
+    ambient: float  # over the light's strength, never negative
+    shade: Array  # (N,) unoccluded shading of a unit light
+    share: Array  # (N,) visible fraction
+    known: Array | None  # (N,) from `visibility.settled`
+
+    def direct(self, samples: Samples) -> Array:
+        """Direct radiance (N,) of each sample."""
+        return np.exp(self.log_c)[samples.surface] * self.shade * self.share
+
+    def residual(self, problem: "Problem") -> Array:
+        """Photo less model (N,)."""
+        samples = problem.samples
+        model = np.exp(self.log_c)[samples.surface] * (self.shade * self.share + self.ambient * samples.openness)
+        return problem.brightness - model
+
+
+@dataclass(frozen=True, slots=True)
+class Problem:
+    """What stays the same during a fit."""
+
+    samples: Samples
+    brightness: Array  # (N,)
+    visible: Visible | None  # None: no shadows
+    rays: int
+    far: float
+    middle: Array  # (3,)
+    with_ambient: bool = True
+
+    def settled(self, light: Light) -> Array | None:
+        """Samples whose visible fraction is known wherever near `light` the light may be; None without shadows."""
+        if self.visible is None:
+            return None
+        return settled(light, self.samples, self.visible, self.far, reach_of(light, self.middle))
+
+    def share(self, light: Light, known: Array | None) -> Array:
+        """Visible fraction (N,); `known` from `settled`."""
+        if self.visible is None:
+            return np.ones(len(self.samples))
+        return visible_fraction(light, self.samples, self.visible, self.rays, self.far, known)
+
+    def start(self, light: Light) -> State:
+        """The state of a light whose strengths and ambient are not known yet: their linear solution."""
+        state = self.state(light, np.zeros(len(self.samples.names)), 0.0)
+        strength, ambient = linear_start(self, state.shade * state.share)
+        return replace(state, log_c=np.log(np.maximum(strength, _NO_STRENGTH)), ambient=ambient)
+
+    def state(self, light: Light, log_c: Array, ambient: float) -> State:
+        """The state of a light with given strengths and ambient."""
+        shade = shading(light, self.samples.point, self.samples.normal)
+        known = self.settled(light)
+        return State(light, log_c, ambient, shade, self.share(light, known), known)
+
+
+def brightness(samples: Samples) -> Array:
+    """Compute each sample's colour along its surface's mean colour, (N,): all that a white light's fit needs."""
+    out = np.empty(len(samples))
+    for surface in np.unique(samples.surface):
+        of = samples.surface == surface
+        mean = np.average(samples.colour[of], axis=0, weights=samples.weight[of])
+        length = np.linalg.norm(mean)
+        out[of] = samples.colour[of] @ (mean / length if length > 0 else np.full(3, 3**-0.5))
+    return out
+
+
+def linear_start(problem: Problem, shade: Array) -> tuple[Array, float]:
+    """Solve for the surfaces' strengths (S,) and the common ambient ratio, given the light's shading (N,)."""
+    samples, y = problem.samples, problem.brightness
+    surfaces, ratios, trust = len(samples.names), [], []
+    strength = np.zeros(surfaces)
+    for s in range(surfaces):
+        of = samples.surface == s
+        if not of.any():
+            continue
+        direct, ambient = _two_terms(shade[of], samples.openness[of], y[of], samples.weight[of])
+        if direct > 0:
+            ratios.append(ambient / direct)
+            trust.append(samples.weight[of].sum())
+    ratio = _weighted_median(np.array(ratios), np.array(trust)) if problem.with_ambient and ratios else 0.0
+    for s in range(surfaces):
+        of = samples.surface == s
+        full = shade[of] + ratio * samples.openness[of]
+        down = (samples.weight[of] * full**2).sum()
+        strength[s] = (samples.weight[of] * full * y[of]).sum() / down if down > 0 else 0.0
+    return strength, ratio
+
+
+def expected_residual(problem: Problem, state: State) -> Array:
+    """Compute each sample's expected residual (N,): its surface's spread, as a standard deviation.
+
+    The spread is read off the residual that one sample in ten exceeds. The median would call every penumbra of a
+    clean photo an outlier, and the mean square would follow the outliers of a real one.
+    """
+    residual = np.abs(state.residual(problem))
+    out = np.full(len(residual), _SMALLEST_SPREAD * max(float(np.median(np.abs(problem.brightness))), 1e-12))
+    for s in np.unique(problem.samples.surface):
+        of = problem.samples.surface == s
+        out[of] = np.maximum(out[of], np.quantile(residual[of], 0.9) / 1.6449)
+    return out
+
+
+def cost(problem: Problem, state: State, expected: Array) -> float:
+    """Compute the mean soft-L1 loss of the residual in units of the expected one."""
+    z = (state.residual(problem) / (_LOSS_SCALE * expected)) ** 2
+    weight = problem.samples.weight
+    return float((weight * 2 * (np.sqrt(1 + z) - 1)).sum() / weight.sum())
+
+
+def normal_equations(problem: Problem, state: State, expected: Array) -> tuple[Array, Array]:
+    """Compute the Gauss-Newton matrix and the gradient of half the summed loss by (light, log c, ambient)."""
+    jacobian, residual = model_jacobian(problem, state), state.residual(problem)
+    z = (residual / (_LOSS_SCALE * expected)) ** 2
+    weight = problem.samples.weight / np.mean(problem.samples.weight) / expected**2 / np.sqrt(1 + z)
+    return jacobian.T @ (weight[:, None] * jacobian), -jacobian.T @ (weight * residual)
+
+
+def model_jacobian(problem: Problem, state: State) -> Array:
+    """Compute the derivative (N, P + S + 1) of the modelled brightness by the light's coordinates, log c and ambient."""
+    samples, light, reach = problem.samples, state.light, reach_of(state.light, problem.middle)
+    c = np.exp(state.log_c)[samples.surface]
+    _, by_light = shading_gradient(light, samples.point, samples.normal, reach)
+    by_light = by_light * state.share[:, None]
+    if problem.visible is not None:
+        by_light += state.shade[:, None] * _visibility_slope(problem, state, reach)
+    by_log_c = np.zeros((len(samples), len(state.log_c)))
+    by_log_c[np.arange(len(samples)), samples.surface] = problem.brightness - state.residual(problem)
+    by_ambient = c * samples.openness if problem.with_ambient else np.zeros_like(c)
+    return np.concatenate([c[:, None] * by_light, by_log_c, by_ambient[:, None]], axis=1)
+
+
+def _visibility_slope(problem: Problem, state: State, reach: float) -> Array:
+    """(N, P) forward differences of the visible fraction, over steps that move a shadow by about a pixel."""
+    size = coordinates(state.light)
+    columns = []
+    for step in np.diag(_VISIBILITY_STEP[size]):
+        there = problem.share(moved(state.light, step, reach), state.known)
+        columns.append((there - state.share) / step.sum())
+    return np.stack(columns, axis=1)
+
+
+def _two_terms(direct: Array, ambient: Array, y: Array, weight: Array) -> tuple[float, float]:
+    """Weighted least squares y = p direct + q ambient with p, q >= 0, in closed form."""
+    dd, aa, da = (weight * direct**2).sum(), (weight * ambient**2).sum(), (weight * direct * ambient).sum()
+    dy, ay = (weight * direct * y).sum(), (weight * ambient * y).sum()
+    determinant = dd * aa - da * da
+    if determinant > 1e-12 * dd * aa:
+        p, q = (aa * dy - da * ay) / determinant, (dd * ay - da * dy) / determinant
+        if p >= 0 and q >= 0:
+            return float(p), float(q)
+    alone_p = max(dy / dd, 0.0) if dd > 0 else 0.0
+    alone_q = max(ay / aa, 0.0) if aa > 0 else 0.0
+    return (float(alone_p), 0.0) if alone_p * dy >= alone_q * ay else (0.0, float(alone_q))
+
+
+def _weighted_median(values: Array, weights: Array) -> float:
+    order = np.argsort(values)
+    total = np.cumsum(weights[order])
+    return float(values[order][np.searchsorted(total, 0.5 * total[-1])])
