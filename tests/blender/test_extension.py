@@ -45,7 +45,7 @@ def test_zip_holds_what_runs_and_nothing_else(platform: str) -> None:
     assert top == {"__init__.py", "blender_manifest.toml", "LICENSE", "README.md", "core", "reshade_addon", "wheels"}
     assert [name for name in names if name.endswith(".pyc") or "/." in name] == []
     wheels = sorted(name.split("-")[2] for name in names if name.endswith(".whl"))
-    assert wheels == ["cp311", "cp313"]
+    assert wheels == ["cp311", "cp313", "cp314"]
 
 
 def test_installed_in_blender_5_2(tmp_path: Path) -> None:

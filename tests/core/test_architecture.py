@@ -14,11 +14,11 @@ ROOT = Path(__file__).resolve().parents[2]
 STAGES = (
     ("errors", "types"),
     ("color", "camera", "fresnel", "form_factor", "geometry"),
-    ("sensor", "visibility", "lights", "reflectance", "polygon_lobe"),
+    ("light_units", "sensor", "visibility", "lights", "reflectance", "polygon_lobe"),
     ("samples",),
     ("cues",),
     ("starts",),
-    ("residuals",),
+    ("light_problem",),
     ("light_fit",),
     ("model_choice", "uncertainty"),
     ("radiometric", "segmentation", "ambient", "gloss"),
@@ -33,6 +33,10 @@ ADDON_TOP = {"bpy", "bpy_extras", "mathutils", "gpu", "gpu_extras", "blf", "bl_u
 
 def python_files(*folders: str) -> list[Path]:
     return sorted(path for folder in folders for path in (ROOT / folder).rglob("*.py"))
+
+
+def relative(path: Path) -> str:
+    return str(path.relative_to(ROOT))
 
 
 def imports(tree: ast.AST) -> Iterator[tuple[int, str]]:
@@ -59,7 +63,7 @@ def stdlib_or(allowed: set[str], name: str) -> bool:
     return top in sys.stdlib_module_names or top in allowed
 
 
-@pytest.mark.parametrize("path", python_files("core"), ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", python_files("core"), ids=relative)
 def test_core_imports_only_earlier_stages(path: Path) -> None:
     inside = path.relative_to(ROOT / "core").with_suffix("").parts
     module = inside[0]
@@ -77,7 +81,7 @@ def test_core_imports_only_earlier_stages(path: Path) -> None:
         assert RANK[imported] < RANK[module], f"{module} may not import {imported}, which comes later"
 
 
-@pytest.mark.parametrize("path", [ROOT / "__init__.py", *python_files("reshade_addon")], ids=lambda path: str(path.relative_to(ROOT)))
+@pytest.mark.parametrize("path", [ROOT / "__init__.py", *python_files("reshade_addon")], ids=relative)
 def test_addon_reaches_the_core_by_relative_imports(path: Path) -> None:
     """Blender gives the extension's package its name, so an absolute import would find another or none."""
     for level, name in imports(ast.parse(path.read_text())):
@@ -87,7 +91,7 @@ def test_addon_reaches_the_core_by_relative_imports(path: Path) -> None:
             assert resolved(path, level, name).split(".")[0] in {"core", "reshade_addon"}
 
 
-@pytest.mark.parametrize("path", [ROOT / "__init__.py", *python_files("core", "reshade_addon")], ids=lambda path: str(path.relative_to(ROOT)))
+@pytest.mark.parametrize("path", [ROOT / "__init__.py", *python_files("core", "reshade_addon")], ids=relative)
 def test_nothing_edits_the_search_path(path: Path) -> None:
     """Blender's extension policy: other extensions share sys.path and sys.modules."""
     for node in ast.walk(ast.parse(path.read_text())):
