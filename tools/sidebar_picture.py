@@ -18,6 +18,7 @@ TICK = 0.5  # seconds
 TAB = "Reshade"
 LEAST_TEXT = 500  # light pixels in the sidebar left of its tabs; a panel that failed to draw is one title
 TABS_WIDTH = 30  # pixels
+COUNT = ["-format", "%[fx:round(mean*w*h)]", "info:"]  # prints how many pixels are white
 
 
 def steps(picture: str) -> Iterator[None]:
@@ -36,8 +37,7 @@ def steps(picture: str) -> Iterator[None]:
     top = window.height - sidebar.y - sidebar.height
     crop = f"{sidebar.width - TABS_WIDTH}x{sidebar.height}+{sidebar.x}+{top}"
     light = subprocess.run(
-        ["convert", picture, "-crop", crop, "-colorspace", "gray", "-threshold", "70%"]
-        + ["-format", "%[fx:round(mean*w*h)]", "info:"],
+        ["convert", picture, "-crop", crop, "-colorspace", "gray", "-threshold", "70%", *COUNT],
         check=True,
         capture_output=True,
         text=True,
