@@ -51,59 +51,71 @@ class PixelMesh:
     rim: Mask  # (V,) the surface ends here and something farther goes on behind it
 
 
-def fit_planes(inverse_depth: Array, radius: int, jump: float, noise: float) -> PlaneFits:
-    """Plane at each measured pixel, fitted to the pixels of its own surface within `radius`.
+def fit_surface(
+    inverse_depth: Array,
+    radius: int,
+    jump: float,
+    noise: float,
+    degree: int = 1,
+    near: Array | None = None,
+) -> PlaneFits:
+    """Tangent plane at each pixel of a polynomial fitted to the measurements of its own surface within `radius`.
 
     Weighted least squares, twice: first with the neighbours whose inverse depth differs by less than `jump` of it for
-    each pixel of distance, then again with those that lie far from that plane, in units of `noise`, faded out, so that
-    a crease keeps its two sides apart.
+    each pixel of distance, then again with those that lie far from that polynomial, in units of `noise`, faded out, so
+    that a crease keeps its two sides apart.
 
     inverse_depth : (H, W), NaN where unknown
     jump : relative change from pixel to pixel above which two belong to different surfaces
     noise : standard deviation of the measurement, in the unit of inverse_depth
+    degree : 1 or 2
+    near : (H, W) a first guess where the fit is wanted, NaN elsewhere; the measurements themselves if left out
     """
-    known = np.isfinite(inverse_depth)
-    centre = np.where(known, inverse_depth, 0.0)
-    zero = np.zeros_like(centre)
-    fits = PlaneFits(centre, zero, zero)
+    near = inverse_depth if near is None else near
+    wanted, known = np.isfinite(near), np.isfinite(inverse_depth)
+    centre, measured = np.where(wanted, near, 0.0), np.where(known, inverse_depth, 0.0)
+    powers = [(0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2)][: 3 * degree]
+    size = len(powers)
+    fit = np.zeros((size, *centre.shape))
+    offsets = [
+        (x, y)
+        for y in range(-radius, radius + 1)
+        for x in range(-radius, radius + 1)
+        if x * x + y * y <= radius * radius
+    ]
+    # A slight pull towards a level surface decides where too few neighbours do.
+    pull = np.diag([0.0, 1e-3, 1e-3, *[1e-3 * radius**2] * 3][:size])
     for robust in (False, True):
-        fits = _weighted_planes(centre, known, fits, radius, jump, noise if robust else None)
-    return PlaneFits(*(np.where(known, part, np.nan) for part in (fits.value, fits.slope_x, fits.slope_y)))
-
-
-def _weighted_planes(
-    centre: Array, known: Mask, before: PlaneFits, radius: int, jump: float, noise: float | None
-) -> PlaneFits:
-    """One pass of `fit_planes`; the planes `before` give the residuals that fade neighbours out if noise is given."""
-    height, width = centre.shape
-    moments = np.zeros((6, height, width))  # of 1, x, y, xx, xy, yy
-    sums = np.zeros((3, height, width))  # of d, x d, y d, with d the difference from the centre pixel
-    for y in range(-radius, radius + 1):
-        for x in range(-radius, radius + 1):
-            if x * x + y * y > radius * radius:
-                continue
-            here = np.s_[max(0, -y) : height - max(0, y), max(0, -x) : width - max(0, x)]
-            there = np.s_[max(0, y) : height + min(0, y), max(0, x) : width + min(0, x)]
-            difference = centre[there] - centre[here]
-            distance = max(abs(x), abs(y), 1)
-            one_surface = known[here] & known[there] & (np.abs(difference) < jump * distance * centre[here])
-            weight = np.exp(-(x * x + y * y) / (0.5 * radius * radius)) * one_surface
-            if noise is not None:
-                left = centre[there] - (before.value[here] + x * before.slope_x[here] + y * before.slope_y[here])
+        moments = np.zeros((size, size, *centre.shape))
+        sums = np.zeros((size, *centre.shape))
+        for x, y in offsets:
+            here, there = _shifted(centre.shape, x, y)
+            difference = measured[there] - centre[here]
+            one_surface = np.abs(difference) < jump * max(abs(x), abs(y), 1) * centre[here]
+            weight = np.exp(-(x * x + y * y) / (0.5 * radius * radius)) * (one_surface & known[there])
+            basis = np.array([float(x) ** i * float(y) ** j for i, j in powers])
+            if robust:
+                left = difference - np.tensordot(basis, fit[(slice(None), *here)], axes=1)
                 weight = weight / (1.0 + (left / (3.0 * noise)) ** 2) ** 2
-            for index, factor in enumerate((1.0, x, y, x * x, x * y, y * y)):
-                moments[index][here] += factor * weight
-            for index, factor in enumerate((1.0, x, y)):
-                sums[index][here] += factor * weight * difference
-    # A slight pull towards level slopes decides them where too few neighbours do.
-    pull = 1e-3
-    matrix = np.empty((height, width, 3, 3))
-    for (row, column), index in {(0, 0): 0, (0, 1): 1, (0, 2): 2, (1, 1): 3, (1, 2): 4, (2, 2): 5}.items():
-        matrix[..., row, column] = matrix[..., column, row] = moments[index]
-    matrix[..., [1, 2], [1, 2]] += pull
-    matrix[~known] = np.eye(3)
-    offset, slope_x, slope_y = np.moveaxis(np.linalg.solve(matrix, np.moveaxis(sums, 0, -1)[..., None])[..., 0], -1, 0)
-    return PlaneFits(centre + offset, slope_x, slope_y)
+            for row in range(size):
+                sums[(row, *here)] += basis[row] * weight * difference
+                for column in range(row, size):
+                    moments[(row, column, *here)] += basis[row] * basis[column] * weight
+        matrix = np.moveaxis(moments, (0, 1), (-2, -1)) + pull
+        lower = np.tril_indices(size, -1)
+        matrix[(..., *lower)] = matrix.swapaxes(-1, -2)[(..., *lower)]
+        matrix[moments[0, 0] == 0] = np.eye(size)
+        fit = np.moveaxis(np.linalg.solve(matrix, np.moveaxis(sums, 0, -1)[..., None])[..., 0], -1, 0)
+    parts = (centre + fit[0], fit[1], fit[2])
+    return PlaneFits(*(np.where(wanted, part, np.nan) for part in parts))
+
+
+def _shifted(shape: tuple[int, ...], x: int, y: int) -> tuple[tuple[slice, slice], tuple[slice, slice]]:
+    """Slices of the pixels that have a neighbour at offset (x, y), and of those neighbours."""
+    height, width = shape
+    here = np.s_[max(0, -y) : height - max(0, y), max(0, -x) : width - max(0, x)]
+    there = np.s_[max(0, y) : height + min(0, y), max(0, x) : width + min(0, x)]
+    return here, there
 
 
 def fill_holes(fits: PlaneFits, guide: Array, reach: float) -> PlaneFits:
@@ -232,6 +244,15 @@ def back_inverse_depth(mesh: PixelMesh, footprint: float, thickest: float) -> Ar
     distance = dijkstra(graph, directed=False, indices=np.flatnonzero(mesh.rim), min_only=True, limit=thickest)
     thickness = np.minimum(2.0 * distance, thickest)
     return 1.0 / (depth + thickness)
+
+
+def in_world(directions: Array, inverse_depth: Array, to_world: Array) -> Array:
+    """World positions (V, 3) of what lies at inverse depths (V,) in a camera's directions (V, 3).
+
+    directions : in the camera's axes, of length 1 along its own
+    to_world : (4, 4) of the camera
+    """
+    return directions / inverse_depth[:, None] @ to_world[:3, :3].T + to_world[:3, 3]
 
 
 def find_plane(inverse_depth: Array, among: Mask, tolerance: float, seed: int = 0) -> Array:

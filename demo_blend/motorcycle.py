@@ -62,7 +62,7 @@ def measure() -> Measured:
     with np.load(DISPARITY) as stored:
         disparity = stored["arr_0"].astype(np.float64)
     inverse_depth = np.where(np.isfinite(disparity), (disparity + OFFSET) / (FOCAL * BASELINE), np.nan)
-    fits = depth_mesh.fit_planes(inverse_depth, 3, JUMP, NOISE)
+    fits = depth_mesh.fit_surface(inverse_depth, radius=3, jump=JUMP, noise=NOISE)
     fits = depth_mesh.fill_holes(fits, photo / 255.0, reach=20.0)
 
     rows, columns = inverse_depth.shape
@@ -108,12 +108,6 @@ def standing_camera(up: Array, distance: float, width: int, height: int) -> Came
     to_world[:3, :3] = np.stack([np.cross(ahead, up), ahead, up])
     to_world[2, 3] = distance
     return Camera(to_world, np.array([FOCAL, FOCAL]), np.array(PRINCIPAL), width, height)
-
-
-def world_points(camera: Camera, xy: Array, inverse_depth: Array) -> Array:
-    """World positions (..., 3) of picture positions (..., 2) at inverse depths (...)."""
-    local = pinhole.local_directions(camera, xy) / inverse_depth[..., None]
-    return local @ camera.to_world[:3, :3].T + camera.to_world[:3, 3]
 
 
 def materials(measured: Measured) -> NDArray[np.int64]:
@@ -170,10 +164,12 @@ def build(path: Path) -> None:
     for name, part, names in (("motorcycle", bike, BIKE), ("garage", stuff & ~bike, GARAGE)):
         mesh = depth_mesh.pixel_mesh(measured.fits, links, part)
         first = (BIKE + GARAGE).index(names[0])
-        points = world_points(measured.camera, mesh.xy, mesh.inverse_depth)
-        blender.add_mesh(scene, name, points, mesh.quads, [made[n] for n in names], label.ravel()[mesh.pixel] - first)
+        directions = pinhole.local_directions(measured.camera, mesh.xy)
+        points = depth_mesh.in_world(directions, mesh.inverse_depth, measured.camera.to_world)
+        index = label.ravel()[mesh.pixel] - first
+        blender.add_mesh(scene, name, points, mesh.quads, [made[n] for n in names], index)
         back = depth_mesh.back_inverse_depth(mesh, 1.0 / FOCAL, THICKEST)
-        points = world_points(measured.camera, mesh.xy, back)
+        points = depth_mesh.in_world(directions, back, measured.camera.to_world)
         points[:, 2] = np.maximum(points[:, 2], 1e-3)
         hidden = blender.add_mesh(scene, f"{name}, unseen back", points, mesh.quads[:, ::-1], [made["unseen"]])
         blender.shadow_only(hidden)

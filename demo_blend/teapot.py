@@ -1,0 +1,191 @@
+"""Builds the thesis's own experiment (4.2.5): a teapot under one rectangular light, its depth stored coarsely.
+
+Writes, into the folder given:
+    teapot_true.blend   the teapot of Bezier patches, its light and a low constant ambient
+    teapot.exr          the photo: Cycles' render of it, direct light only
+    teapot.blend        the teapot as rebuilt from its depth at every fourth pixel, without light but for "start",
+                        which is too large, 20 % off in distance and turned
+    truth.json          the true light, as in a report, and how far the rebuilt surface is off
+
+    python -m reshade.demo_blend.teapot FOLDER
+"""
+
+import json
+import sys
+from collections.abc import Generator
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+from mathutils import Matrix, Vector
+from mathutils.bvhtree import BVHTree
+from numpy.typing import NDArray
+
+from ..core import camera as pinhole
+from ..core.color import linear_to_srgb
+from ..core.light_units import energy_and_color, power_from_radiance
+from ..core.types import AreaLight, Camera
+from ..reshade_addon.rendering import render
+from ..reshade_addon.photo_io import write_picture
+from . import depth_mesh
+from . import scene as blender
+from .teapot_patches import PATCHES, POINTS
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+SCALE = 0.05  # metres a unit of the patches: a teapot 32 cm from handle to spout
+WIDTH, HEIGHT = 320, 240
+EVERY = 4  # depth is stored at every fourth pixel, both ways
+EYE, MIDDLE = np.array([0.15, -0.95, 0.42]), np.array([0.01, 0.0, 0.075])
+FOCAL = 860.0  # pixels
+JUMP = 0.01  # relative change of inverse depth from pixel to pixel that parts two surfaces
+NOISE = 0.002  # 1/m; how far a crease is off the polynomial that smooths it
+
+ALBEDO = (0.8, 0.15, 0.15)  # as red as the thesis's errors are
+AMBIENT = (0.03, 0.03, 0.03)  # W m^-2 sr^-1
+SAMPLES = 256
+THICKEST = 0.15  # metres; of the back that the photo does not show
+
+
+def rectangle(centre: Array, target: Array, roll: float, size: tuple[float, float], radiance: float) -> AreaLight:
+    """A white light at `centre` that shines at `target`, turned by `roll` radians about that direction."""
+    normal = (target - centre) / np.linalg.norm(target - centre)
+    level = np.cross(normal, [0.0, 0.0, 1.0])
+    level /= np.linalg.norm(level)
+    u = np.cos(roll) * level + np.sin(roll) * np.cross(normal, level)
+    return AreaLight(centre, u, np.cross(u, normal), np.array(size), np.full(3, radiance))
+
+
+CENTRE = np.array([-0.38, -0.42, 0.52])
+LIGHT = rectangle(CENTRE, MIDDLE, roll=0.3, size=(0.26, 0.16), radiance=32.0)
+# What the user of the thesis guessed: the direction is about right, the distance 20 % off, the rest wrong.
+START = rectangle(
+    MIDDLE + 1.2 * (CENTRE - MIDDLE), MIDDLE + np.array([0.2, -0.2, 0.1]), roll=1.0, size=(0.5, 0.4), radiance=2.0
+)
+
+
+def bezier_teapot(segments: int) -> tuple[Array, Indices]:
+    """The teapot's points (V, 3) in metres and triangles (F, 3), `segments` squares along each side of a patch."""
+    t = np.linspace(0.0, 1.0, segments + 1)
+    bernstein = np.stack([(1 - t) ** 3, 3 * t * (1 - t) ** 2, 3 * t**2 * (1 - t), t**3], axis=1)
+    controls = np.array(POINTS)[np.array([patch for part in PATCHES.values() for patch in part])]
+    points = np.einsum("ai,bj,pijc->pabc", bernstein, bernstein, controls.reshape(-1, 4, 4, 3))
+    index = np.arange(points[..., 0].size).reshape(points.shape[:3])
+    a, b, c, d = index[:, :-1, :-1], index[:, 1:, :-1], index[:, 1:, 1:], index[:, :-1, 1:]
+    triangles = np.concatenate([np.stack(corners, axis=-1).reshape(-1, 3) for corners in ((a, c, b), (a, d, c))])
+    # Patches meet in the same points, and close up to one at the lid's top and the bottom's middle.
+    points, same = np.unique(points.reshape(-1, 3).round(6), axis=0, return_inverse=True)
+    triangles = same.ravel()[triangles]
+    x, y, z = triangles.T
+    return points * SCALE, triangles[(x != y) & (y != z) & (z != x)]
+
+
+def camera() -> Camera:
+    """Looks from EYE at MIDDLE."""
+    back = (EYE - MIDDLE) / np.linalg.norm(EYE - MIDDLE)
+    right = np.cross([0.0, 0.0, 1.0], back)
+    right /= np.linalg.norm(right)
+    to_world = np.eye(4)
+    to_world[:3] = np.stack([right, np.cross(back, right), back, EYE], axis=1)
+    return Camera(to_world, np.array([FOCAL, FOCAL]), np.array([WIDTH / 2, HEIGHT / 2]), WIDTH, HEIGHT)
+
+
+def coarse_inverse_depth(view: Camera, points: Array, triangles: Indices) -> Array:
+    """Inverse depth (H, W) of the teapot at every fourth pixel; 0 where the camera looks past it, NaN between."""
+    tree = BVHTree.FromPolygons(points.tolist(), triangles.tolist())
+    result = np.full((HEIGHT, WIDTH), np.nan)
+    place = np.s_[EVERY // 2 :: EVERY, EVERY // 2 :: EVERY]
+    xy = pinhole.pixel_centres(WIDTH, HEIGHT)[place]
+    origin, directions = pinhole.rays(view, xy)
+    cosine = pinhole.off_axis_cosine(view, xy)
+    hits = np.zeros(cosine.shape)
+    for index in np.ndindex(cosine.shape):
+        distance = tree.ray_cast(Vector(origin), Vector(directions[index]))[3]
+        hits[index] = 0.0 if distance is None else 1.0 / (distance * cosine[index])
+    result[place] = hits
+    return result
+
+
+def rebuild(photo: Array, coarse: Array) -> depth_mesh.PixelMesh:
+    """The surface through the coarse depth: second-degree multinomials, fitted locally, cut to the photo's outline.
+
+    photo : (H, W, 3) linear; the teapot is what is red in it
+    """
+    teapot = photo[..., 0] > 1.5 * photo[..., 2]
+    stored = np.where(coarse > 0, coarse, np.nan)
+    level = np.zeros_like(coarse)
+    near = depth_mesh.fill_holes(depth_mesh.PlaneFits(stored, level, level), linear_to_srgb(photo), reach=3.0 * EVERY)
+    fits = depth_mesh.fit_surface(stored, int(2.5 * EVERY), JUMP, NOISE, degree=2, near=near.value)
+    links = depth_mesh.link(fits, 2 * JUMP)
+    return depth_mesh.pixel_mesh(fits, links, teapot & np.isfinite(fits.value))
+
+
+def add_light(scene: bpy.types.Scene, name: str, light: AreaLight) -> bpy.types.Object:
+    """Blender's light of that rectangle and radiance."""
+    data = bpy.data.lights.new(name, "AREA")
+    data.shape = "RECTANGLE"
+    data.size, data.size_y = light.size
+    data.energy, data.color = energy_and_color(power_from_radiance(light.radiance, float(np.prod(light.size))))
+    result = bpy.data.objects.new(name, data)
+    matrix = np.eye(4)
+    matrix[:3] = np.stack([light.u, light.v, -light.normal, light.centre], axis=1)
+    result.matrix_world = Matrix(matrix.tolist())
+    scene.collection.objects.link(result)
+    return result
+
+
+def prepared() -> bpy.types.Scene:
+    """A scene of direct light only, as the thesis's: its camera, and no bounces."""
+    scene = blender.empty_scene(WIDTH, HEIGHT)
+    scene.cycles.max_bounces = 0
+    blender.add_camera(scene, camera())
+    return scene
+
+
+def drained(steps: Generator[Any, None, Array]) -> Array:
+    """What a computation returns that tells its progress on the way."""
+    while True:
+        try:
+            next(steps)
+        except StopIteration as end:
+            return end.value
+
+
+def build(folder: Path) -> None:
+    """Write the truth, the photo and what the estimate gets to see."""
+    folder.mkdir(parents=True, exist_ok=True)
+    view = camera()
+    points, triangles = bezier_teapot(24)
+    scene = prepared()
+    blender.add_mesh(scene, "teapot", points, triangles, [blender.matt("teapot", ALBEDO)])
+    blender.set_world(scene, AMBIENT)
+    add_light(scene, "Light", LIGHT)
+    blender.save(folder / "teapot_true.blend")
+    photo = drained(render(scene, SAMPLES))
+    write_picture(folder / "teapot.exr", photo)
+
+    mesh = rebuild(photo, coarse_inverse_depth(view, points, triangles))
+    scene = prepared()
+    back = depth_mesh.back_inverse_depth(mesh, 1.0 / FOCAL, THICKEST)
+    directions = pinhole.local_directions(view, mesh.xy)
+    front, back = (depth_mesh.in_world(directions, depth, view.to_world) for depth in (mesh.inverse_depth, back))
+    material = blender.matt("teapot", (0.5, 0.5, 0.5))
+    blender.add_mesh(scene, "teapot", front, mesh.quads, [material])
+    blender.shadow_only(blender.add_mesh(scene, "unseen back", back, mesh.quads[:, ::-1], [material]))
+    add_light(scene, "start", START)
+    blender.save(folder / "teapot.blend")
+
+    truth = {
+        "lights": [{key: value.tolist() for key, value in asdict(LIGHT).items()} | {"normal": LIGHT.normal.tolist()}],
+        "ambient": AMBIENT,
+        "albedo": ALBEDO,
+        "middle": MIDDLE.tolist(),
+    }
+    (folder / "truth.json").write_text(json.dumps(truth, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    build(Path(sys.argv[1]))
