@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .light_problem import Problem, State, cost, expected_residual, normal_equations
+from .light_problem import Problem, State, cost, expected_residual, negative_log_likelihood, normal_equations
 from .lights import coordinates, moved, reach_of
 from .types import Array, Light
 
@@ -30,7 +30,8 @@ class LightFit:
     expected: Array  # (N,) standard deviation of the residual as the fit weighed it
     shading: Array  # (N,) of a unit light, shadows included
     loss: float  # mean soft-L1 loss in units of `expected`
-    covariance: Array  # (P, P) of the light's coordinates
+    score: float  # mean negative log likelihood: unlike the loss, comparable between fits to the same samples
+    covariance: Array  # (P + 1, P + 1) of the light's coordinates and its log strength
     iterations: int
     converged: bool
 
@@ -45,7 +46,7 @@ def fit_light(
     """
     state, damping, quiet, done, converged = problem.start(start), 1e-2, 0, 0, False
     expected = expected_residual(problem, state)
-    for done in range(1, iterations + 1):
+    for done in range(1, iterations + 1):  # noqa: B007 - `done` is read after the loop
         matrix, slope = normal_equations(problem, state, expected)
         before = cost(problem, state, expected)
         found = None
@@ -83,9 +84,12 @@ def _stepped(problem: Problem, state: State, matrix: Array, slope: Array, dampin
 def _result(problem: Problem, state: State, iterations: int, converged: bool) -> LightFit:
     expected = expected_residual(problem, state)
     matrix, _ = normal_equations(problem, state, expected)
-    size = coordinates(state.light)
-    across, rest = matrix[:size, size:], matrix[size:, size:]
-    information = matrix[:size, :size] - across @ np.linalg.pinv(rest) @ across.T
+    # One overall log strength: the mean over the samples, each of its own surface.
+    size, surfaces = coordinates(state.light), len(state.log_c)
+    combine = np.zeros((size + 1, len(matrix)))
+    combine[:size, :size] = np.eye(size)
+    combine[size, size : size + surfaces] = np.bincount(problem.samples.surface, minlength=surfaces)
+    combine[size] /= len(problem.samples)
     return LightFit(
         light=state.light,
         strength=np.where(state.log_c > -600, np.exp(state.log_c), 0.0),
@@ -94,7 +98,8 @@ def _result(problem: Problem, state: State, iterations: int, converged: bool) ->
         expected=expected,
         shading=state.shade * state.share,
         loss=cost(problem, state, expected),
-        covariance=np.linalg.pinv(information),
+        score=negative_log_likelihood(problem, state, expected),
+        covariance=combine @ np.linalg.pinv(matrix, hermitian=True) @ combine.T,
         iterations=iterations,
         converged=converged,
     )

@@ -99,7 +99,7 @@ def linear_start(problem: Problem, shade: Array) -> tuple[Array, float]:
         of = samples.surface == s
         if not of.any():
             continue
-        direct, ambient = _two_terms(shade[of], samples.openness[of], y[of], samples.weight[of])
+        direct, ambient = two_terms(shade[of], samples.openness[of], y[of], samples.weight[of])
         if direct > 0:
             ratios.append(ambient / direct)
             trust.append(samples.weight[of].sum())
@@ -133,6 +133,13 @@ def cost(problem: Problem, state: State, expected: Array) -> float:
     return float((weight * 2 * (np.sqrt(1 + z) - 1)).sum() / weight.sum())
 
 
+def negative_log_likelihood(problem: Problem, state: State, expected: Array) -> float:
+    """Compute the mean negative log likelihood of the residual, up to a constant: what the loss omits is its scale."""
+    weight = problem.samples.weight
+    scale = (weight * np.log(expected)).sum() / weight.sum()
+    return scale + 0.5 * _LOSS_SCALE**2 * cost(problem, state, expected)
+
+
 def normal_equations(problem: Problem, state: State, expected: Array) -> tuple[Array, Array]:
     """Compute the Gauss-Newton matrix and the gradient of half the summed loss by (light, log c, ambient)."""
     jacobian, residual = model_jacobian(problem, state), state.residual(problem)
@@ -142,7 +149,7 @@ def normal_equations(problem: Problem, state: State, expected: Array) -> tuple[A
 
 
 def model_jacobian(problem: Problem, state: State) -> Array:
-    """Compute the derivative (N, P + S + 1) of the modelled brightness by the light's coordinates, log c and ambient."""
+    """Compute the derivative (N, P + S + 1) of the modelled brightness by (light's coordinates, log c, ambient)."""
     samples, light, reach = problem.samples, state.light, reach_of(state.light, problem.middle)
     c = np.exp(state.log_c)[samples.surface]
     _, by_light = shading_gradient(light, samples.point, samples.normal, reach)
@@ -165,7 +172,7 @@ def _visibility_slope(problem: Problem, state: State, reach: float) -> Array:
     return np.stack(columns, axis=1)
 
 
-def _two_terms(direct: Array, ambient: Array, y: Array, weight: Array) -> tuple[float, float]:
+def two_terms(direct: Array, ambient: Array, y: Array, weight: Array) -> tuple[float, float]:
     """Weighted least squares y = p direct + q ambient with p, q >= 0, in closed form."""
     dd, aa, da = (weight * direct**2).sum(), (weight * ambient**2).sum(), (weight * direct * ambient).sum()
     dy, ay = (weight * direct * y).sum(), (weight * ambient * y).sum()

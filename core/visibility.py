@@ -65,12 +65,13 @@ def settled(light: Light, samples: Samples, visible: Visible, far: float, reach:
         target = light.centre + at @ sides
     else:
         at = pattern(len(samples), _PROBES) - 0.5
-        straight = samples.point - far * light.normal if isinstance(light, SunLight) else light.centre + 0 * samples.point
+        sun = isinstance(light, SunLight)
+        straight = samples.point - far * light.normal if sun else light.centre + 0.0 * samples.point
         axis = np.mean(straight - samples.point, axis=0)
         u = np.cross(np.eye(3)[np.argmin(np.abs(axis))], axis)
         u /= np.linalg.norm(u)
         v = np.cross(axis / np.linalg.norm(axis), u)
-        spread = 2 * _MARGIN * (far if isinstance(light, SunLight) else reach)
+        spread = 2 * _MARGIN * (far if sun else reach)
         target = straight[:, None] + at @ np.stack([spread * u, spread * v])
     start = samples.point + samples.lift * samples.normal
     above = np.einsum("ijk,ik->ij", target - samples.point[:, None], samples.normal) > 0

@@ -1,0 +1,305 @@
+"""The whole way: photo and buffers -> samples -> light fit -> radiometric solve -> estimate.
+
+Both solvers are generators: they yield `Progress` and return an `Estimate`, so that an interface can step them, a
+command line drain them and either can stop between two steps.
+"""
+
+import time
+from collections.abc import Generator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from .color import linear_to_srgb
+from .light_fit import LightFit, fit_light
+from .light_problem import Problem, brightness
+from .lights import reach_of, shading, with_strength
+from .noise import noise_of
+from .radiometric import SCALE, Radiometry, solve_radiometry
+from .samples import choose_samples, extent_of, first
+from .starts import find_starts
+from .types import (
+    AreaLight,
+    Array,
+    Buffers,
+    Camera,
+    Candidate,
+    Estimate,
+    Light,
+    Photo,
+    PointLight,
+    Progress,
+    Samples,
+    SunLight,
+    Surface,
+    Uncertainty,
+    Visible,
+)
+from .uncertainty import uncertainty_of
+from .visibility import openness, visible_fraction
+
+_FAR = 60.0  # of the scene's extent: as good as infinity for a shadow ray
+_TEXTURED = 0.08  # robust spread of a surface's residual over its mean: more is texture, not noise
+_UNTRUSTED = 0.6  # share of the photo's variation left over, above which no light explains it
+
+
+@dataclass(frozen=True, slots=True)
+class _Effort:
+    """What a quality buys."""
+
+    samples: int  # for the radiometric solve
+    fit_samples: int
+    fit_rays: int
+    search_samples: int
+    directions: int
+    starts: int
+    finalists: int
+
+
+_EFFORTS = {
+    "draft": _Effort(1500, 400, 24, 200, 80, 3, 1),
+    "standard": _Effort(4000, 900, 64, 300, 160, 5, 2),
+    "accurate": _Effort(10000, 2500, 144, 500, 320, 8, 3),
+}
+QUALITIES = tuple(_EFFORTS)
+MODELS = ("auto", "area", "point", "sun")
+
+
+def estimate(
+    photo: Photo,
+    camera: Camera,
+    buffers: Buffers,
+    visible: Visible,
+    *,
+    quality: str = "standard",
+    model: str = "auto",
+    start: AreaLight | None = None,
+) -> Generator[Progress, None, Estimate]:
+    """Estimate one light and the materials from a photo.
+
+    quality : one of QUALITIES; model : one of MODELS; start : an initial light instead of those the cues give
+    Raises NothingToLearn where the photo shows too little of the geometry. A photo that no light explains gives a falsy
+    Estimate whose message says so.
+    """
+    clock, effort = _Clock(), _EFFORTS[quality]
+    yield Progress(0.0, "Choosing samples")
+    samples, middle, extent = _prepared(photo, camera, buffers, visible, effort)
+    far = _FAR * extent
+    clock.mark("samples")
+
+    def problem(count: int, rays: int) -> Problem:
+        some = first(samples, count)
+        return Problem(some, brightness(some), visible, rays, far, middle)
+
+    if start is not None:
+        initial = [start]
+    else:
+        yield Progress(0.05, "Looking for where the light may be")
+        search = first(samples, effort.search_samples)
+        found = find_starts(
+            search,
+            brightness(search),
+            visible,
+            directions=effort.directions,
+            count=effort.starts,
+            middle=middle,
+            extent=extent,
+        )
+        if not found:
+            return _failed("No place for a light explains any of the shading: check the camera and the geometry", clock)
+        initial = [entry.light for entry in found]
+
+    coarse = problem(max(effort.fit_samples // 2, 200), max(effort.fit_rays // 2, 16))
+    rough = []
+    for i, light in enumerate(initial):
+        rough.append(
+            (
+                yield from _watched(
+                    fit_light(coarse, light, iterations=14, tolerance=1e-3),
+                    0.1 + 0.4 * i / len(initial),
+                    0.4 / len(initial),
+                    f"Fitting from start {i + 1} of {len(initial)}",
+                )
+            )
+        )
+    rough.sort(key=lambda fit: fit.score)
+    fine = problem(effort.fit_samples, effort.fit_rays)
+    fits: list[tuple[str, LightFit, float]] = []
+    best = rough[0].light
+    for name, begin in _models(model, best, rough[: effort.finalists], middle, extent):
+        since = time.perf_counter()
+        fit = yield from _watched(
+            fit_light(fine, begin, iterations=40), 0.5 + 0.07 * len(fits), 0.07, f"Fitting a {name}"
+        )
+        fits.append((name, fit, time.perf_counter() - since))
+    candidates = [Candidate(name, _criterion(fit, fine), seconds) for name, fit, seconds in fits]
+    pick = min(range(len(fits)), key=lambda i: candidates[i].score)
+    name, fit = fits[pick][0], fits[pick][1]
+    clock.mark("fit")
+
+    yield Progress(0.9, "Solving materials")
+    reach = reach_of(fit.light, middle)
+    sure = uncertainty_of(fit, reach)
+    lit = shading(fit.light, samples.point, samples.normal)
+    lit = lit * visible_fraction(fit.light, samples, visible, effort.fit_rays, far)
+    radiometry = solve_radiometry(samples, lit[:, None], with_ambient=fine.with_ambient)
+    clock.mark("solve")
+    best_of: dict[str, Candidate] = {}
+    for candidate in sorted(candidates, key=lambda c: -c.score):
+        best_of[candidate.name] = candidate
+    result = _assembled(
+        photo,
+        samples,
+        (fit.light,),
+        radiometry,
+        (sure,),
+        f"{name} light, constant ambient",
+        tuple(best_of.values()),
+        clock,
+    )
+    if not fit.converged:
+        result = replace(result, warnings=(*result.warnings, "The fit was still improving when it stopped."))
+    return result
+
+
+def solve(
+    photo: Photo,
+    camera: Camera,
+    buffers: Buffers,
+    visible: Visible,
+    lights: Sequence[Light],
+    *,
+    quality: str = "standard",
+) -> Generator[Progress, None, Estimate]:
+    """Solve for strengths, albedos and ambient under lights that stay where they are."""
+    clock, effort = _Clock(), _EFFORTS[quality]
+    yield Progress(0.0, "Choosing samples")
+    samples, _, extent = _prepared(photo, camera, buffers, visible, effort)
+    clock.mark("samples")
+    columns = []
+    for i, light in enumerate(lights):
+        yield Progress(0.2 + 0.6 * i / len(lights), f"Casting shadows of light {i + 1} of {len(lights)}")
+        share = visible_fraction(light, samples, visible, effort.fit_rays, _FAR * extent)
+        columns.append(shading(light, samples.point, samples.normal) * share)
+    clock.mark("fit")
+    yield Progress(0.8, "Solving materials")
+    radiometry = solve_radiometry(samples, np.stack(columns, axis=1))
+    clock.mark("solve")
+    return _assembled(photo, samples, tuple(lights), radiometry, (None,) * len(lights), "given lights", (), clock)
+
+
+class _Clock:
+    """Seconds each stage took."""
+
+    def __init__(self) -> None:
+        self.began = self.last = time.perf_counter()
+        self.seconds: dict[str, float] = {}
+
+    def mark(self, stage: str) -> None:
+        now = time.perf_counter()
+        self.seconds[stage], self.last = now - self.last, now
+
+    def all(self) -> dict[str, float]:
+        return {**self.seconds, "total": time.perf_counter() - self.began}
+
+
+def _prepared(
+    photo: Photo, camera: Camera, buffers: Buffers, visible: Visible, effort: _Effort
+) -> tuple[Samples, Array, float]:
+    samples = choose_samples(photo, camera, buffers, effort.samples)
+    middle, extent = extent_of(samples)
+    return replace(samples, openness=openness(samples, visible, 32, _FAR * extent)), middle, extent
+
+
+def _watched(
+    fit: Generator[float, None, LightFit], begin: float, span: float, message: str
+) -> Generator[Progress, None, LightFit]:
+    """Turn a fit's steps into progress that nears `begin + span`."""
+    steps = 0
+    while True:
+        try:
+            next(fit)
+        except StopIteration as end:
+            return end.value
+        steps += 1
+        yield Progress(begin + span * (1 - 0.85**steps), message)
+
+
+def _models(
+    model: str, best: Light, finalists: list[LightFit], middle: Array, extent: float
+) -> list[tuple[str, Light]]:
+    """The (name, initial light) pairs that the model asked for stands for."""
+    assert isinstance(best, AreaLight)
+    away = best.centre - middle
+    wanted = ("area", "point", "sun") if model == "auto" else (model,)
+    starts: list[tuple[str, Light]] = []
+    for name in wanted:
+        match name:
+            case "area":
+                starts += [("area", fit.light) for fit in finalists]
+            case "point":
+                starts.append(("point", PointLight(best.centre, np.ones(3))))
+            case "sun":
+                starts.append(("sun", SunLight(-away / np.linalg.norm(away), np.ones(3))))
+    return starts
+
+
+def _criterion(fit: LightFit, problem: Problem) -> float:
+    """Bayesian information criterion: what is left over, plus a price on each unknown."""
+    count = len(problem.samples)
+    unknowns = len(fit.covariance) - 1 + len(fit.strength) + 1
+    return 2 * count * fit.score + unknowns * float(np.log(count))
+
+
+def _assembled(
+    photo: Photo,
+    samples: Samples,
+    lights: tuple[Light, ...],
+    radiometry: Radiometry,
+    sure: tuple[Uncertainty | None, ...],
+    chosen: str,
+    candidates: tuple[Candidate, ...],
+    clock: _Clock,
+) -> Estimate:
+    weight, residual = samples.weight, radiometry.residual
+    model = np.maximum(samples.colour - residual, 0.0)
+    off = 255 * np.abs(linear_to_srgb(np.clip(samples.colour, 0, 1)) - linear_to_srgb(np.clip(model, 0, 1)))
+    mean = np.average(samples.colour, axis=0, weights=weight)
+    left = np.average((residual**2).sum(axis=1), weights=weight)
+    all_of_it = np.average(((samples.colour - mean) ** 2).sum(axis=1), weights=weight)
+    surfaces, warnings = [], []
+    for i, name in enumerate(samples.names):
+        of = samples.surface == i
+        if not of.any():
+            warnings.append(f"{name}: no usable pixel shows it, so its material stays as it was.")
+            continue
+        level = np.average(samples.colour[of].mean(axis=1), weights=weight[of])
+        spread = 1.4826 * float(np.median(np.abs(residual[of].mean(axis=1))))
+        surfaces.append(Surface(name, radiometry.albedo[i], int(of.sum()), spread > _TEXTURED * max(level, 1e-12)))
+    message = ""
+    if not radiometry.albedo.any() or not any(s.any() for s in radiometry.strengths):
+        message = "No light of positive strength explains the photo: check the camera and the geometry"
+    elif left > _UNTRUSTED * all_of_it:
+        warnings.append(
+            f"{100 * left / all_of_it:.0f} % of the photo's variation is left over: texture, or something unmodelled."
+        )
+    return Estimate(
+        lights=tuple(with_strength(light, s) for light, s in zip(lights, radiometry.strengths, strict=True)),
+        ambient=radiometry.ambient,
+        surfaces=tuple(surfaces),
+        uncertainty=sure,
+        rms=float(np.sqrt(np.average((residual**2).mean(axis=1), weights=weight))),
+        noise=noise_of(photo),
+        mean_abs_8bit=np.average(off, axis=0, weights=weight),
+        chosen=chosen,
+        candidates=candidates,
+        scale=SCALE,
+        message=message,
+        warnings=tuple(warnings),
+        seconds=clock.all(),
+    )
+
+
+def _failed(message: str, clock: _Clock) -> Estimate:
+    nothing = np.zeros(3)
+    return Estimate((), nothing, (), (), 0.0, 0.0, nothing, "none", (), SCALE, message, (), clock.all())

@@ -1,0 +1,101 @@
+"""Radiometric solve: strengths of known lights, albedos and a constant ambient from the photo (thesis 4.3.1).
+
+A sample of surface s shows, in each colour channel, k_s (sum_l L_l F_l + A O): albedo k, strengths L, ambient radiance
+A, all unknown and never negative; shading F and openness O known. It is linear in k with the rest held and in (L, A)
+with k held, so the two are solved in turn, the second by non-negative least squares, until neither moves.
+
+Only products of strength and albedo show (thesis 4.3.1). Convention: the first light is white, and the largest channel
+of any albedo is 0.8.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .types import Array, Samples
+
+LARGEST_ALBEDO = 0.8
+SCALE = "largest albedo channel 0.8, first light white: only strength times albedo can be seen"
+_ROUNDS = 200
+_SETTLED = 1e-7
+
+
+@dataclass(frozen=True, slots=True)
+class Radiometry:
+    """What the solve found, and what it leaves over."""
+
+    strengths: Array  # (L, 3) radiance, intensity or irradiance of each light
+    ambient: Array  # (3,) radiance of the world
+    albedo: Array  # (S, 3), 0 for surfaces without samples
+    residual: Array  # (N, 3) photo less model, radiance
+    converged: bool
+
+
+def solve_radiometry(samples: Samples, shading: Array, *, with_ambient: bool = True) -> Radiometry:
+    """Solve for strengths, albedos and ambient.
+
+    shading : (N, L) of each light at unit strength, shadows included
+    with_ambient : False holds the ambient at zero
+    Residuals beyond their surface's usual spread count less (soft-L1), so highlights and unmodelled things do not pull.
+    """
+    terms = np.concatenate([shading, samples.openness[:, None] * float(with_ambient)], axis=1)
+    surfaces = len(samples.names)
+    parts = np.zeros((3, terms.shape[1]))
+    albedo = np.zeros((3, surfaces))
+    converged = True
+    for channel in range(3):
+        parts[channel], albedo[channel], settled = _solve_channel(samples, terms, samples.colour[:, channel])
+        converged &= settled
+    residual = samples.colour - albedo.T[samples.surface] * (terms @ parts.T)
+    scale = albedo.max() / LARGEST_ALBEDO if albedo.max() > 0 else 1.0
+    return Radiometry(
+        strengths=scale * parts[:, :-1].T,
+        ambient=scale * parts[:, -1],
+        albedo=(albedo / scale).T,
+        residual=residual,
+        converged=converged,
+    )
+
+
+def _solve_channel(samples: Samples, terms: Array, value: Array) -> tuple[Array, Array, bool]:
+    """One channel: parts (L + 1,) with the first light's at 1, albedo times its strength (S,), and whether it settled."""
+    from scipy.optimize import nnls
+
+    surfaces = len(samples.names)
+    parts = np.zeros(terms.shape[1])
+    parts[0] = 1.0
+    parts[1:-1] = 1.0
+    weight = samples.weight.copy()
+    product = np.zeros(surfaces)
+    for _ in range(_ROUNDS):
+        before = parts.copy()
+        product = _per_surface(samples, terms @ parts, value, weight, surfaces)
+        known = product[samples.surface]
+        rows = np.sqrt(weight)
+        solution, _ = nnls((rows * known)[:, None] * terms, rows * value)
+        if solution[0] <= 0.0:  # the first light brings nothing to this channel: keep its place, let the others move
+            solution[0] = 1e-12 * max(solution.max(), 1e-300)
+        parts = solution / solution[0]
+        residual = value - known * (terms @ solution)
+        weight = samples.weight * _soft(samples, residual)
+        if np.abs(parts - before).max() <= _SETTLED * max(np.abs(parts).max(), 1.0):
+            return parts, _per_surface(samples, terms @ parts, value, weight, surfaces), True
+    return parts, product, False
+
+
+def _per_surface(samples: Samples, model: Array, value: Array, weight: Array, surfaces: int) -> Array:
+    """Least squares factor of each surface (S,), never negative."""
+    up = np.bincount(samples.surface, weight * model * value, surfaces)
+    down = np.bincount(samples.surface, weight * model * model, surfaces)
+    return np.maximum(np.where(down > 0, up / np.where(down > 0, down, 1.0), 0.0), 0.0)
+
+
+def _soft(samples: Samples, residual: Array) -> Array:
+    """Weights of a soft-L1 loss in units of each surface's spread, over that spread squared."""
+    out = np.ones(len(residual))
+    floor = 1e-4 * max(float(np.mean(samples.colour)), 1e-300)
+    for s in np.unique(samples.surface):
+        of = samples.surface == s
+        spread = max(float(np.quantile(np.abs(residual[of]), 0.9)) / 1.6449, floor)
+        out[of] = (floor / spread) ** 2 / np.sqrt(1 + (residual[of] / (1.5 * spread)) ** 2)
+    return out

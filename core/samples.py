@@ -1,0 +1,110 @@
+"""From photo and buffers to samples: pixels that show one surface, unclipped, spread evenly over the photo."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from .errors import NothingToLearn
+from .types import Array, Buffers, Camera, Mask, Photo, Samples
+
+_GRAZING = 0.1  # cosine: below it a pixel covers too much surface to stand for one point
+_FEWEST = 24  # samples that can say anything about eight unknowns of a light
+
+
+def choose_samples(photo: Photo, camera: Camera, buffers: Buffers, count: int) -> Samples:
+    """Choose up to `count` pixels for the fit.
+
+    Every surface gets a share that grows with the root of its area, so small ones are heard; a sample's weight is the
+    number of pixels it stands for. Samples are ordered so that any first few are spread over the photo as evenly as
+    all are.
+
+    Raises NothingToLearn where fewer than 24 pixels are usable.
+    """
+    stride = buffers.stride
+    linear = photo.linear[stride // 2 :: stride, stride // 2 :: stride]
+    clipped = photo.clipped[stride // 2 :: stride, stride // 2 :: stride]
+    away = camera.to_world[:3, 3] - buffers.point
+    view = away / np.linalg.norm(away, axis=-1, keepdims=True)
+    facing = np.einsum("ijk,ijk->ij", view, buffers.normal)
+    usable = (buffers.surface >= 0) & ~_grown(buffers.mixed) & ~clipped & (np.nan_to_num(facing) > _GRAZING)
+    if usable.sum() < _FEWEST:
+        raise NothingToLearn(
+            f"Only {int(usable.sum())} pixels show one surface, unclipped",
+            "Use a larger or better exposed photo, or model more of what it shows",
+        )
+    if not (linear[usable] > 0).any():
+        raise NothingToLearn("The photo is black wherever geometry is modelled", "Use a photo with light in it")
+    rows, columns, weights = [], [], []
+    areas = np.bincount(buffers.surface[usable], minlength=len(buffers.names))
+    shares = np.sqrt(areas) / np.sqrt(areas).sum()
+    for surface in np.flatnonzero(areas):
+        y, x = np.nonzero(usable & (buffers.surface == surface))
+        wanted = min(len(y), max(int(round(count * shares[surface])), 8))
+        pick = _spread_order(x, y)[:wanted]
+        rows.append(y[pick])
+        columns.append(x[pick])
+        weights.append(np.full(wanted, len(y) / wanted))
+    order = np.argsort(np.concatenate([(np.arange(len(r)) + 0.5) / len(r) for r in rows]), kind="stable")
+    y, x = np.concatenate(rows)[order], np.concatenate(columns)[order]
+    point = buffers.point[y, x]
+    extent = float(np.percentile(np.linalg.norm(point - np.median(point, axis=0), axis=1), 90))
+    return Samples(
+        point=point,
+        normal=buffers.normal[y, x],
+        view=view[y, x],
+        colour=linear[y, x],
+        surface=buffers.surface[y, x],
+        weight=np.concatenate(weights)[order],
+        pixel=np.stack([x, y], axis=1).astype(np.int32) * stride + stride // 2,
+        openness=np.ones(len(y)),
+        names=buffers.names,
+        lift=1e-3 * extent,
+    )
+
+
+def first(samples: Samples, count: int) -> Samples:
+    """Return the first `count` samples, which are spread as evenly as all are."""
+    count = min(count, len(samples))
+    return replace(
+        samples,
+        point=samples.point[:count],
+        normal=samples.normal[:count],
+        view=samples.view[:count],
+        colour=samples.colour[:count],
+        surface=samples.surface[:count],
+        weight=samples.weight[:count],
+        pixel=samples.pixel[:count],
+        openness=samples.openness[:count],
+    )
+
+
+def extent_of(samples: Samples) -> tuple[Array, float]:
+    """Compute the middle (3,) of what the samples cover and the distance from it that nine in ten are within."""
+    middle = np.median(samples.point, axis=0)
+    return middle, float(np.percentile(np.linalg.norm(samples.point - middle, axis=1), 90))
+
+
+def _grown(mask: Mask) -> Mask:
+    """The mask and its neighbours: the photo's lens and its coding smear a silhouette over more than one pixel."""
+    padded = np.pad(mask, 1, mode="edge")
+    height, width = mask.shape
+    return np.any([padded[i : i + height, j : j + width] for i in range(3) for j in range(3)], axis=0)
+
+
+def _spread_order(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """An order of pixels in which every prefix is spread over all: bit-reversed steps along a Morton curve."""
+    along = np.argsort(_interleaved(x.astype(np.uint64)) | (_interleaved(y.astype(np.uint64)) << np.uint64(1)))
+    bits = max(int(np.ceil(np.log2(max(len(x), 2)))), 1)
+    index = np.arange(1 << bits)
+    reverse = np.zeros_like(index)
+    for bit in range(bits):
+        reverse |= ((index >> bit) & 1) << (bits - 1 - bit)
+    return along[reverse[reverse < len(x)]]
+
+
+def _interleaved(value: np.ndarray) -> np.ndarray:
+    """Spread the low 16 bits of each value over the even bits."""
+    value = value & np.uint64(0xFFFF)
+    for shift, mask in ((8, 0x00FF00FF), (4, 0x0F0F0F0F), (2, 0x33333333), (1, 0x55555555)):
+        value = (value | (value << np.uint64(shift))) & np.uint64(mask)
+    return value
