@@ -48,8 +48,8 @@ def test_zip_holds_what_runs_and_nothing_else(platform: str) -> None:
     assert wheels == ["cp311", "cp313", "cp314"]
 
 
-def test_installed_in_blender_5_2(tmp_path: Path) -> None:
-    """Everything in `inside`, in a Blender whose profile was empty before."""
+def test_installed_in_the_blender_of_this_environment(tmp_path: Path) -> None:
+    """Everything in `inside`, in a Blender whose profile was empty before: 5.2 where Python 3.13 is to be had."""
     run_inside(Path(sys.executable), tmp_path, INSIDE, seconds=600)
 
 
