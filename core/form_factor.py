@@ -6,8 +6,8 @@ d the light's centre and e_i the corner's offset from it, and with w_i = gamma_i
 
     sum_i w_i v_i x v_i+1  =  sum_i (w_i - 1/W) d x (e_i+1 - e_i)  +  sum_i w_i e_i x e_i+1
 
-because the edges of a closed polygon add up to zero. W w_i - 1 is small for a far light and is computed as expm1 of a sum
-of log1p's, so nothing cancels. W = |d|^2 + |a|^2 + |b|^2 (a, b: the half sides) serves near lights as well.
+because the edges of a closed polygon add up to zero. W w_i - 1 is small for a far light and is computed as expm1 of a
+sum of log1p's, so nothing cancels. W = |d|^2 + |a|^2 + |b|^2 (a, b: the half sides) serves near lights as well.
 
 The part of the rectangle below the receiver's horizon is clipped away and the polygon closed along the horizon. The
 integrand is zero on the horizon, so moving that edge changes nothing to first order: derivatives hold the clipped

@@ -47,8 +47,8 @@ def shading_gradient(light: Light, points: Array, normals: Array, reach: float) 
             return value, np.where(value[:, None] > 0, slope * reach, 0.0)
         case SunLight():
             value = shading(light, points, normals)
-            across = np.stack(_across(light.normal))
-            slope = -normals @ np.cross(across, light.normal).T / np.pi
+            axes = np.stack(across(light.normal))
+            slope = -normals @ np.cross(axes, light.normal).T / np.pi
             return value, np.where(value[:, None] > 0, slope, 0.0)
 
 
@@ -66,8 +66,8 @@ def moved(light: Light, step: Array, reach: float) -> Light:
         case PointLight():
             return replace(light, centre=light.centre + reach * step)
         case SunLight():
-            across = np.stack(_across(light.normal))
-            return replace(light, normal=_unit(_rotation(across.T @ step) @ light.normal))
+            axes = np.stack(across(light.normal))
+            return replace(light, normal=_unit(_rotation(axes.T @ step) @ light.normal))
 
 
 def coordinates(light: Light) -> int:
@@ -83,7 +83,7 @@ def reach_of(light: Light, middle: Array) -> float:
 def facing(centre: Array, target: Array, side: float) -> AreaLight:
     """Return a square area light of unit radiance that shines from `centre` at `target`."""
     normal = _unit(target - centre)
-    u, v = _across(-normal)
+    u, v = across(-normal)
     return AreaLight(np.asarray(centre, dtype=np.float64), u, v, np.array([side, side]), np.ones(3))
 
 
@@ -109,11 +109,11 @@ def strength_of(light: Light) -> Array:
             return light.irradiance
 
 
-def _across(axis: Array) -> tuple[Array, Array]:
-    """Two unit vectors u, v with u x v = axis."""
+def across(axis: Array) -> tuple[Array, Array]:
+    """Return two unit vectors u, v across an axis, with u x v along it."""
     helper = np.eye(3)[np.argmin(np.abs(axis))]
     u = _unit(np.cross(helper, axis))
-    return u, np.cross(axis, u)
+    return u, _unit(np.cross(axis, u))
 
 
 def _rotation(vector: Array) -> Array:

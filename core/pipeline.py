@@ -126,7 +126,7 @@ def estimate(
     fine = problem(effort.fit_samples, effort.fit_rays)
     fits: list[tuple[str, LightFit, float]] = []
     best = rough[0].light
-    for name, begin in _models(model, best, rough[: effort.finalists], middle, extent):
+    for name, begin in _models(model, best, rough[: effort.finalists], middle):
         since = time.perf_counter()
         fit = yield from _watched(
             fit_light(fine, begin, iterations=40), 0.5 + 0.07 * len(fits), 0.07, f"Fitting a {name}"
@@ -225,9 +225,7 @@ def _watched(
         yield Progress(begin + span * (1 - 0.85**steps), message)
 
 
-def _models(
-    model: str, best: Light, finalists: list[LightFit], middle: Array, extent: float
-) -> list[tuple[str, Light]]:
+def _models(model: str, best: Light, finalists: list[LightFit], middle: Array) -> list[tuple[str, Light]]:
     """The (name, initial light) pairs that the model asked for stands for."""
     assert isinstance(best, AreaLight)
     away = best.centre - middle

@@ -47,7 +47,7 @@ def solve_radiometry(samples: Samples, shading: Array, *, with_ambient: bool = T
         parts[channel], albedo[channel], settled = _solve_channel(samples, terms, samples.colour[:, channel])
         converged &= settled
     residual = samples.colour - albedo.T[samples.surface] * (terms @ parts.T)
-    scale = albedo.max() / LARGEST_ALBEDO if albedo.max() > 0 else 1.0
+    scale = np.max(albedo) / LARGEST_ALBEDO if np.any(albedo > 0) else 1.0
     return Radiometry(
         strengths=scale * parts[:, :-1].T,
         ambient=scale * parts[:, -1],
@@ -58,7 +58,7 @@ def solve_radiometry(samples: Samples, shading: Array, *, with_ambient: bool = T
 
 
 def _solve_channel(samples: Samples, terms: Array, value: Array) -> tuple[Array, Array, bool]:
-    """One channel: parts (L + 1,) with the first light's at 1, albedo times its strength (S,), and whether it settled."""
+    """One channel: parts (L + 1,), the first light's at 1; albedo times its strength (S,); whether it settled."""
     from scipy.optimize import nnls
 
     surfaces = len(samples.names)

@@ -39,7 +39,7 @@ def choose_samples(photo: Photo, camera: Camera, buffers: Buffers, count: int) -
     shares = np.sqrt(areas) / np.sqrt(areas).sum()
     for surface in np.flatnonzero(areas):
         y, x = np.nonzero(usable & (buffers.surface == surface))
-        wanted = min(len(y), max(int(round(count * shares[surface])), 8))
+        wanted = min(len(y), max(round(count * shares[surface]), 8))
         pick = _spread_order(x, y)[:wanted]
         rows.append(y[pick])
         columns.append(x[pick])

@@ -57,7 +57,7 @@ def find_starts(
 
 def _left_over(light: PointLight, samples: Samples, brightness: Array, visible: Visible, extent: float) -> float:
     """Log of what a point light leaves unexplained, each surface with its own strength and ambient, by weight."""
-    near = np.linalg.norm(samples.point - light.centre, axis=1).min()
+    near = np.min(np.linalg.norm(samples.point - light.centre, axis=1))
     if near < 0.05 * extent:
         return np.inf  # the light would sit in the geometry
     lit = shading(light, samples.point, samples.normal)

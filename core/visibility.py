@@ -4,11 +4,10 @@ The points on the light are stratified and shift from sample to sample, but are 
 between two positions of a light then show the light's movement and not other random numbers.
 """
 
-from dataclasses import replace
-
 import numpy as np
 
-from .types import AreaLight, Array, Light, Samples, SunLight, Visible
+from .lights import across
+from .types import AreaLight, Array, Light, PointLight, Samples, SunLight, Visible
 
 _PLASTIC = 1.32471795724474602596  # root of x^3 = x + 1: the R2 low-discrepancy sequence
 _MARGIN = 0.06  # of the reach: how far a light may move before samples thought settled are asked again
@@ -58,27 +57,28 @@ def settled(light: Light, samples: Samples, visible: Visible, far: float, reach:
     Returns (N,), NaN where the sample lies in a penumbra, or would once the light moves a little. Few samples do, so
     the rays saved here are spent on them.
     """
-    if isinstance(light, AreaLight):
-        wide: AreaLight | None = replace(light, size=1.2 * light.size + 2 * _MARGIN * reach)
-        at = pattern(len(samples), _PROBES) - 0.5
-        sides = np.stack([wide.size[0] * light.u, wide.size[1] * light.v])
-        target = light.centre + at @ sides
-    else:
-        at = pattern(len(samples), _PROBES) - 0.5
-        sun = isinstance(light, SunLight)
-        straight = samples.point - far * light.normal if sun else light.centre + 0.0 * samples.point
-        axis = np.mean(straight - samples.point, axis=0)
-        u = np.cross(np.eye(3)[np.argmin(np.abs(axis))], axis)
-        u /= np.linalg.norm(u)
-        v = np.cross(axis / np.linalg.norm(axis), u)
-        spread = 2 * _MARGIN * (far if sun else reach)
-        target = straight[:, None] + at @ np.stack([spread * u, spread * v])
+    target = _around(light, samples, far, reach)
     start = samples.point + samples.lift * samples.normal
     above = np.einsum("ijk,ik->ij", target - samples.point[:, None], samples.normal) > 0
     arrives = _cast(start, target, above, visible)
     asked = above.sum(axis=1)
     lit = arrives.sum(axis=1) == asked
     return np.where(lit, 1.0, np.where(arrives.any(axis=1), np.nan, 0.0))
+
+
+def _around(light: Light, samples: Samples, far: float, reach: float) -> Array:
+    """(N, _PROBES, 3) points all over a light grown by the margin."""
+    at = pattern(len(samples), _PROBES) - 0.5
+    match light:
+        case AreaLight():
+            width, height = 1.2 * light.size + 2 * _MARGIN * reach
+            return light.centre + at @ np.stack([width * light.u, height * light.v])
+        case PointLight():
+            u, v = across(light.centre - samples.point.mean(axis=0))
+            return light.centre + 2 * _MARGIN * reach * (at @ np.stack([u, v]))
+        case SunLight():
+            u, v = across(light.normal)
+            return (samples.point - far * light.normal)[:, None] + 2 * _MARGIN * far * (at @ np.stack([u, v]))
 
 
 def openness(samples: Samples, visible: Visible, rays: int, far: float) -> Array:
