@@ -1,7 +1,9 @@
 """A scene's geometry as triangles in world coordinates, read from the render depsgraph, and rays into it."""
 
 import hashlib
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import bpy
 import numpy as np
@@ -25,10 +27,13 @@ class SceneGeometry:
     materials: tuple[str, ...]
     objects: tuple[str, ...]  # name of the object each instance comes from
     shapes: tuple[bytes, ...]  # one an instance: digest of where its triangles are
+    notes: tuple[Any, ...]  # one an instance: what the reader was asked to note of it
 
 
-def read_geometry(depsgraph: bpy.types.Depsgraph) -> SceneGeometry:
-    """Read all renderable surfaces of an evaluated scene.
+def read_geometry(
+    depsgraph: bpy.types.Depsgraph, note: Callable[[bpy.types.Object], Any] | None = None
+) -> SceneGeometry:
+    """Read all renderable surfaces of an evaluated scene, and what `note` says of each one's object.
 
     Raises ReshadeError, naming the object, where one is scaled to nothing.
     """
@@ -37,6 +42,7 @@ def read_geometry(depsgraph: bpy.types.Depsgraph) -> SceneGeometry:
     material: list[NDArray[np.int32]] = []
     objects: list[str] = []
     shapes: list[bytes] = []
+    notes: list[Any] = []
     names: dict[str, int] = {}
     meshes: dict[tuple[int, str], tuple[Array, Array, NDArray[np.int32], bytes]] = {}
     for instance in depsgraph.object_instances:
@@ -57,6 +63,7 @@ def read_geometry(depsgraph: bpy.types.Depsgraph) -> SceneGeometry:
         normals.append(_turned(local_normal, matrix[:3, :3], name))
         material.append(numbers[np.minimum(index, len(slots) - 1)])  # as Cycles does with an index past the end
         objects.append(name)
+        notes.append(note(obj) if note else None)
         shapes.append(hashlib.blake2b(digest + matrix.tobytes(), digest_size=16).digest())
     counts = [len(part) for part in corners]
     return SceneGeometry(
@@ -67,6 +74,7 @@ def read_geometry(depsgraph: bpy.types.Depsgraph) -> SceneGeometry:
         materials=tuple(names),
         objects=tuple(objects),
         shapes=tuple(shapes),
+        notes=tuple(notes),
     )
 
 

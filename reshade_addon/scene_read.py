@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ..core import camera as pinhole
 from ..core.errors import ReshadeError
+from ..core.light_units import emission, intensity_from_power, radiance_from_power
 from ..core.types import AreaLight, Array, Buffers, Camera, Light, PointLight, Progress, SunLight
 from .geometry import RayCaster, SceneGeometry, read_geometry
 from .render_depsgraph import with_render_depsgraph
@@ -42,6 +43,12 @@ def read_view(scene: bpy.types.Scene, size: tuple[int, int] | None = None) -> Sc
     if not len(geometry.corner):
         raise ReshadeError("The scene has no geometry to render", "Model the surfaces that the photo shows")
     return SceneView(camera, geometry, RayCaster(geometry))
+
+
+def read_camera(scene: bpy.types.Scene, size: tuple[int, int]) -> Camera:
+    """Read the scene's camera as it takes a picture of `size` (width, height). Raises ReshadeError as `read_view`."""
+    camera_object = perspective_camera(scene)
+    return with_render_depsgraph(scene, lambda depsgraph: _camera(camera_object.evaluated_get(depsgraph), scene, size))
 
 
 def perspective_camera(scene: bpy.types.Scene) -> bpy.types.Object:
@@ -199,26 +206,31 @@ def read_light(obj: bpy.types.Object) -> Light:
     axes = matrix[:3, :3] / scale
     if np.linalg.det(axes) < 0:
         axes[:, 0] *= -1  # a mirrored rectangle is a rectangle, but it shines along its own -z all the same
-    power = data.energy * 2.0 ** getattr(data, "exposure", 0.0) * np.array(data.color, dtype=np.float64)
+    emitted = emission(data.energy, data.color, getattr(data, "exposure", 0.0))
+    if getattr(data, "use_temperature", False):
+        emitted = emitted * np.array(data.temperature_color)
     if data.type == "POINT":
-        return PointLight(matrix[:3, 3].copy(), power / (4 * np.pi))
+        return PointLight(matrix[:3, 3].copy(), intensity_from_power(emitted))
     if data.type == "SUN":
-        return SunLight(-axes[:, 2], power)
+        return SunLight(-axes[:, 2], emitted)
     if data.type != "AREA" or data.shape not in ("SQUARE", "RECTANGLE"):
         raise ReshadeError(
-            f"The light '{obj.name}' is neither a rectangle, a point nor a sun", "Change its type, or hide it in renders"
+            f"The light '{obj.name}' is no rectangle, point or sun", "Change its type, or hide it in renders"
         )
     if data.spread < np.pi - 1e-3:
         raise ReshadeError(f"The light '{obj.name}' has a spread below 180 degrees", "Set its spread to 180 degrees")
     sides = np.array([data.size, data.size if data.shape == "SQUARE" else data.size_y]) * scale[:2]
     area = sides.prod() if getattr(data, "normalize", True) else 1.0
     v = axes[:, 1] - (axes[:, 1] @ axes[:, 0]) * axes[:, 0]
-    return AreaLight(matrix[:3, 3].copy(), axes[:, 0].copy(), v / np.linalg.norm(v), sides, power / (np.pi * area))
+    radiance = radiance_from_power(emitted, area)
+    return AreaLight(matrix[:3, 3].copy(), axes[:, 0].copy(), v / np.linalg.norm(v), sides, radiance)
 
 
 def rendered_lights(scene: bpy.types.Scene) -> list[bpy.types.Object]:
     """The scene's light objects that are rendered."""
-    visible = with_render_depsgraph(
-        scene, lambda depsgraph: {i.object.original.name for i in depsgraph.object_instances if i.object.type == "LIGHT"}
-    )
+
+    def names(depsgraph: bpy.types.Depsgraph) -> set[str]:
+        return {i.object.original.name for i in depsgraph.object_instances if i.object.type == "LIGHT"}
+
+    visible = with_render_depsgraph(scene, names)
     return [obj for obj in scene.objects if obj.name in visible]

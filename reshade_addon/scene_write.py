@@ -6,6 +6,7 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
+from ..core.light_units import energy_and_color, power_from_intensity, power_from_radiance
 from ..core.types import AreaLight, Array, Light, PointLight, SunLight, Surface
 from .projection import add_projection
 
@@ -30,36 +31,30 @@ def write_light(scene: bpy.types.Scene, light: Light, obj: bpy.types.Object | No
         data.shape = "RECTANGLE"
         data.size, data.size_y = light.size
         data.spread = np.pi
-        _set_strength(data, light.radiance * np.pi * light.size.prod())
         _place(obj, light.u, light.v, light.centre)
     elif isinstance(light, PointLight):
         data.shadow_soft_size = 0.0
-        _set_strength(data, light.intensity * 4 * np.pi)
         _place(obj, np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0]), light.centre)
     else:
         data.angle = 0.0
-        _set_strength(data, light.irradiance)
         helper = np.eye(3)[np.argmin(np.abs(light.normal))]
         u = np.cross(helper, -light.normal)
         u /= np.linalg.norm(u)
         _place(obj, u, np.cross(-light.normal, u), np.array(obj.matrix_world.translation))
+    set_strength(obj, light)
     return obj
 
 
 def set_strength(obj: bpy.types.Object, light: Light) -> None:
     """Give a light object the strength of `light`, and leave all else as it is."""
+    data = obj.data
     if isinstance(light, AreaLight):
-        _set_strength(obj.data, light.radiance * np.pi * light.size.prod())
+        emitted = power_from_radiance(light.radiance, light.size.prod())
     elif isinstance(light, PointLight):
-        _set_strength(obj.data, light.intensity * 4 * np.pi)
+        emitted = power_from_intensity(light.intensity)
     else:
-        _set_strength(obj.data, light.irradiance)
-
-
-def _set_strength(data: bpy.types.Light, power: Array) -> None:
-    """Set energy and colour to a power of three channels; the colour's largest is 1."""
-    data.energy = float(power.max())
-    data.color = power / power.max() if power.max() > 0 else (1.0, 1.0, 1.0)
+        emitted = light.irradiance
+    data.energy, data.color = energy_and_color(emitted)
     for name, neutral in (("exposure", 0.0), ("normalize", True), ("use_temperature", False)):
         if hasattr(data, name):  # Blender 4.4 and before have none of these
             setattr(data, name, neutral)
@@ -181,7 +176,7 @@ def show_as_stored(scene: bpy.types.Scene) -> None:
     scene.render.dither_intensity = 0.0
 
 
-def unseen(scene: bpy.types.Scene, solved: Sequence[Surface]) -> Surface:
+def unseen(solved: Sequence[Surface]) -> Surface:
     """The surface to give to materials the photo says nothing about: matt, of the others' mean albedo."""
     albedo = np.mean([surface.albedo for surface in solved], axis=0) if solved else np.full(3, 0.5)
     return Surface("", albedo, 0)

@@ -1,0 +1,244 @@
+"""The command line: `reshade COMMAND ...` and `blender --background --command reshade COMMAND ...`.
+
+Exit codes: 0 done; 2 bad input, one line on stderr and nothing written; 3 no trustworthy answer, the report says why.
+"""
+
+import argparse
+import json
+import os
+import signal
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, NoReturn, TextIO
+
+import bpy
+
+from ..core.errors import ReshadeError
+from ..core.report import to_dict
+from ..core.types import AreaLight, Photo, Progress
+from . import photo_image, photo_io, scene_write, solving
+from .blend_file import open_blend, save_blend
+from .files import Outputs
+from .progress import drain
+from .properties import MODELS, QUALITIES
+from .rendering import render
+from .reshading import reshade
+from .residual import residual_picture
+from .scene_read import read_light
+
+INTERRUPTED = 130
+RESIDUAL_SAMPLES = 64
+
+
+class Parser(argparse.ArgumentParser):
+    """A parser whose errors are one line."""
+
+    def error(self, message: str) -> NoReturn:
+        """Raise what argparse found wrong with the arguments."""
+        raise ReshadeError(message[:1].upper() + message[1:], f"See '{self.prog} --help'")
+
+
+def main(argv: Sequence[str]) -> int:
+    """Run one command and return its exit code."""
+    # Blender takes Ctrl-C for itself, as a wish to end a render; here it ends the command.
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        arguments = _parser().parse_args(argv)
+        with _registered(), _quiet() as console:
+            code, said = arguments.run(arguments, console)
+    except ReshadeError as error:
+        code, said = error.exit_code, str(error)
+    except KeyboardInterrupt:
+        code, said = INTERRUPTED, "Interrupted; nothing was written."
+    finally:
+        signal.signal(signal.SIGINT, before)
+    print(said if code == 0 else f"reshade: {said}", file=sys.stdout if code == 0 else sys.stderr, flush=True)
+    return code
+
+
+def _estimate(arguments: argparse.Namespace, console: "Console") -> tuple[int, str]:
+    with Outputs() as outputs:
+        blend, report, residual = _solution_outputs(arguments, outputs)
+        scene = open_blend(arguments.scene)
+        photo = photo_io.read_photo(arguments.photo)
+        start = _take_start(scene, arguments.start) if arguments.start else None
+        steps = solving.estimate_light(scene, photo, quality=arguments.quality, model=arguments.model, start=start)
+        solution = drain(steps, console.tell)
+        return _finish(arguments, scene, photo, solution, console, blend, report, residual)
+
+
+def _solve(arguments: argparse.Namespace, console: "Console") -> tuple[int, str]:
+    with Outputs() as outputs:
+        blend, report, residual = _solution_outputs(arguments, outputs)
+        scene = open_blend(arguments.scene)
+        photo = photo_io.read_photo(arguments.photo)
+        solution = drain(solving.solve_materials(scene, photo, quality=arguments.quality), console.tell)
+        return _finish(arguments, scene, photo, solution, console, blend, report, residual)
+
+
+def _render(arguments: argparse.Namespace, console: "Console") -> tuple[int, str]:
+    photo_io.check_writable(arguments.output)
+    with Outputs() as outputs:
+        beside = outputs.path(arguments.output)
+        scene = open_blend(arguments.scene)
+        if scene.reshade.photo is None:
+            raise ReshadeError("The scene has no photo", "Estimate the light or solve the materials first")
+        photo = photo_image.read_image(scene.reshade.photo)
+        samples = arguments.samples or scene.reshade.samples
+        photo_io.write_picture(beside, drain(reshade(scene, photo, samples), console.tell))
+    return 0, f"The reshaded photo is {arguments.output}"
+
+
+def _solution_outputs(arguments: argparse.Namespace, outputs: Outputs) -> tuple[Path | None, Path | None, Path | None]:
+    """Make sure that all outputs can be written, before any time is spent on them."""
+    if arguments.residual and Path(arguments.residual).suffix.lower() != ".png":
+        raise ReshadeError(f"The residual picture '{arguments.residual}' is no PNG", "Name it .png")
+    given = (arguments.output, arguments.report, arguments.residual)
+    blend, report, residual = (outputs.path(name) if name else None for name in given)
+    return blend, report, residual
+
+
+def _finish(
+    arguments: argparse.Namespace,
+    scene: bpy.types.Scene,
+    photo: Photo,
+    solution: solving.Solution,
+    console: "Console",
+    blend: Path | None,
+    report: Path | None,
+    residual: Path | None,
+) -> tuple[int, str]:
+    """Apply a solution and write what was asked for. Without a trustworthy answer, that is the report alone."""
+    if not solution.estimate:
+        nameless = [scene_write.LIGHT] * len(solution.estimate.lights)
+        _write_report(report, to_dict(solution.estimate, arguments.quality, nameless))
+        return 3, solution.estimate.message
+    names = solving.apply(scene, photo_image.load_image(arguments.photo), solution)
+    found = to_dict(solution.estimate, arguments.quality, names)
+    scene.reshade.report = json.dumps(found, allow_nan=False)
+    _write_report(report, found)
+    if blend:
+        save_blend(blend)
+    if residual:
+        picture = drain(render(scene, RESIDUAL_SAMPLES), console.tell)
+        photo_io.write_encoded(residual, residual_picture(photo.linear, picture))
+    return 0, _summary(found)
+
+
+def _write_report(path: Path | None, found: dict[str, Any]) -> None:
+    if path:
+        path.write_text(json.dumps(found, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+
+
+def _summary(found: dict[str, Any]) -> str:
+    lines = []
+    for light in found["lights"]:
+        where = "" if light["type"] == "SUN" else " at " + ", ".join(f"{x:.3g}" for x in light["centre"])
+        unit = "W/m^2" if light["type"] == "SUN" else "W"
+        lines.append(f"{light['name']}: {light['type'].lower()}, {light['energy']:.4g} {unit}{where}")
+    lines += [f"{name}: albedo " + ", ".join(f"{x:.3f}" for x in s["albedo"]) for name, s in found["surfaces"].items()]
+    return "\n".join([*lines, *found["warnings"]])
+
+
+def _take_start(scene: bpy.types.Scene, name: str) -> AreaLight:
+    """Read the light to start from and remove it from the scene."""
+    obj = scene.objects.get(name)
+    if obj is None or obj.type != "LIGHT":
+        raise ReshadeError(f"The scene has no light '{name}' to start from", "Name one of its area lights")
+    light = read_light(obj)
+    if not isinstance(light, AreaLight):
+        raise ReshadeError(f"The light '{name}' to start from is no area light", "Name an area light")
+    bpy.data.objects.remove(obj)
+    return light
+
+
+class Console:
+    """Where progress is told: a line on stderr that is written over, where stderr is a terminal."""
+
+    def __init__(self, stream: TextIO) -> None:
+        self._stream = stream
+        self._shown = stream.isatty()
+
+    def tell(self, step: Progress) -> None:
+        """Show where a computation stands."""
+        if self._shown:
+            self._stream.write(f"\r\x1b[K{100 * step.fraction:3.0f} %  {step.message}")
+            self._stream.flush()
+
+    def clear(self) -> None:
+        """Take the line away."""
+        if self._shown:
+            self._stream.write("\r\x1b[K")
+            self._stream.flush()
+
+
+@contextmanager
+def _quiet() -> Iterator[Console]:
+    """Keep what Blender prints off the terminal; progress still gets there."""
+    sys.stdout.flush()
+    sys.stderr.flush()
+    kept = os.dup(1), os.dup(2)
+    with open(kept[1], "w", encoding="utf-8", closefd=False) as stream, open(os.devnull, "w") as nowhere:
+        console = Console(stream)
+        os.dup2(nowhere.fileno(), 1)
+        os.dup2(nowhere.fileno(), 2)
+        try:
+            yield console
+        finally:
+            console.clear()
+            sys.stdout.flush()
+            sys.stderr.flush()
+            for number, copy in zip((1, 2), kept, strict=True):
+                os.dup2(copy, number)
+                os.close(copy)
+
+
+@contextmanager
+def _registered() -> Iterator[None]:
+    """Make the add-on known to Blender for a while, where it is not: in the bpy wheel nothing is enabled."""
+    from . import register, unregister
+
+    if hasattr(bpy.types.Scene, "reshade"):
+        yield
+        return
+    register()
+    try:
+        yield
+    finally:
+        unregister()
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = Parser(prog="reshade", description="The light of a photo, and the photo in another light.")
+    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+
+    def command(name: str, run: Any, text: str) -> argparse.ArgumentParser:
+        sub = commands.add_parser(name, help=text, description=text)
+        sub.set_defaults(run=run)
+        return sub
+
+    estimate = command("estimate", _estimate, "find the light and the materials of a photo's scene")
+    solve = command("solve", _solve, "find strengths and materials; the scene's lights stay where they are")
+    for sub in (estimate, solve):
+        sub.add_argument("--scene", required=True, metavar="S.blend", help="camera, geometry, a material a surface")
+        sub.add_argument("--photo", required=True, metavar="P", help="PNG, JPEG, EXR ...")
+        sub.add_argument("--quality", choices=QUALITIES, default="standard")
+        sub.add_argument("--output", metavar="O.blend", help="the scene with its light and materials")
+        sub.add_argument("--report", metavar="R.json", help="what was found, and how sure it is")
+        sub.add_argument("--residual", metavar="R.png", help="the photo less the scene's render, as a picture")
+    estimate.add_argument("--model", choices=MODELS, default="auto", help="kind of light")
+    estimate.add_argument("--start", metavar="NAME", help="an area light of the scene to start from; it is replaced")
+    render_parser = command("render", _render, "the photo as the scene's edits change it")
+    render_parser.add_argument("--scene", required=True, metavar="O.blend", help="made by estimate or solve")
+    render_parser.add_argument("--output", required=True, metavar="X.exr", help=".exr linear or .png 16-bit")
+    render_parser.add_argument("--samples", type=_positive, metavar="N", help="a pixel; more give less noise")
+    return parser
+
+
+def _positive(text: str) -> int:
+    number = int(text)
+    if number < 1:
+        raise argparse.ArgumentTypeError("must be at least 1")
+    return number

@@ -1,0 +1,48 @@
+"""The photo as a Blender image, packed into the .blend as the very file it came from."""
+
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from ..core.errors import ReshadeError
+from ..core.types import Array, Photo
+from .photo_io import read_packed, read_photo
+
+
+def load_image(path: str | Path) -> bpy.types.Image:
+    """Load a photo as an image and pack it. Raises ReshadeError where Blender cannot read it."""
+    try:
+        image = bpy.data.images.load(str(path), check_existing=False)
+    except RuntimeError as error:
+        raise ReshadeError(f"Blender cannot read the photo '{Path(path).name}' ({error})", "Save it as PNG") from None
+    image.name = Path(path).name
+    image.pack()
+    # The path on this machine means nothing in the file, and may say more than the user wants to.
+    image.filepath_raw = f"//{image.name}"
+    return image
+
+
+def read_image(image: bpy.types.Image) -> Photo:
+    """Read a photo from its image: from the packed file, which is the photo as it was, or from disk.
+
+    Raises ReshadeError as `photo_io.read_photo` does.
+    """
+    if image.packed_file:
+        return read_packed(image.packed_file.data, Path(image.filepath_raw or image.name).suffix)
+    return read_photo(bpy.path.abspath(image.filepath))
+
+
+def picture_image(name: str, linear: Array, old: bpy.types.Image | None = None) -> bpy.types.Image:
+    """Make a float image of a linear picture (H, W, 3 or 4), or fill `old` with it, and pack it."""
+    height, width = linear.shape[:2]
+    if old is not None and tuple(old.size) != (width, height):
+        bpy.data.images.remove(old)
+        old = None
+    image = old or bpy.data.images.new(name, width, height, alpha=True, float_buffer=True)
+    pixels = np.ones((height, width, 4), dtype=np.float32)
+    pixels[..., : linear.shape[2]] = linear[::-1]
+    image.pixels.foreach_set(pixels.ravel())
+    image.update()
+    image.pack()
+    return image

@@ -1,0 +1,83 @@
+"""What Reshade keeps on a scene."""
+
+import json
+from typing import Any
+
+import bpy
+from bpy.props import EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
+
+QUALITIES = ("draft", "standard", "accurate")
+MODELS = ("auto", "area", "point", "sun")
+
+
+class SceneReshade(bpy.types.PropertyGroup):
+    """A scene's photo, choices and results."""
+
+    photo: PointerProperty(
+        name="Photo", description="The photo whose light is looked for; it is kept in the file", type=bpy.types.Image
+    )
+    quality: EnumProperty(
+        name="Quality",
+        description="How much time to spend",
+        items=[
+            ("draft", "Draft", "Seconds: enough to see whether the camera and the geometry fit the photo"),
+            ("standard", "Standard", "A good answer for most photos"),
+            ("accurate", "Accurate", "More samples and shadow rays, for the last few per cent"),
+        ],
+        default="standard",
+    )
+    model: EnumProperty(
+        name="Light",
+        description="What kind of light to look for",
+        items=[
+            ("auto", "Automatic", "The simplest kind that explains the photo"),
+            ("area", "Area", "A rectangle: a window, a soft box, a ceiling panel"),
+            ("point", "Point", "A bare bulb"),
+            ("sun", "Sun", "So far away that its rays are parallel"),
+        ],
+        default="auto",
+    )
+    samples: IntProperty(
+        name="Samples",
+        description="Samples a pixel when the edited scene is rendered; more give less noise",
+        default=256,
+        min=1,
+        soft_max=4096,
+    )
+    report: StringProperty(name="Report", description="What was found, as JSON", options={"HIDDEN"})
+    reference: PointerProperty(
+        name="Reference state", description="The scene that reproduces the photo", type=bpy.types.Text
+    )
+    reshaded: PointerProperty(
+        name="Reshaded photo", description="The photo as the edited scene would have looked", type=bpy.types.Image
+    )
+
+    def found(self) -> dict[str, Any] | None:
+        """What was found, as the report has it; None before anything was."""
+        return json.loads(self.report) if self.report else None
+
+
+class WindowManagerReshade(bpy.types.PropertyGroup):
+    """The computation under way."""
+
+    fraction: FloatProperty(min=0.0, max=1.0, options={"SKIP_SAVE"})
+    message: StringProperty(options={"SKIP_SAVE"})
+
+
+CLASSES = (SceneReshade, WindowManagerReshade)
+
+
+def register() -> None:
+    """Add `reshade` to scenes and to the window manager."""
+    for cls in CLASSES:
+        bpy.utils.register_class(cls)
+    bpy.types.Scene.reshade = PointerProperty(type=SceneReshade)
+    bpy.types.WindowManager.reshade = PointerProperty(type=WindowManagerReshade)
+
+
+def unregister() -> None:
+    """Undo `register`."""
+    del bpy.types.WindowManager.reshade
+    del bpy.types.Scene.reshade
+    for cls in reversed(CLASSES):
+        bpy.utils.unregister_class(cls)

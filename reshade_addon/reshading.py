@@ -1,0 +1,122 @@
+"""The photo as the edited scene would have looked: P' = P + dP (thesis 4.0, 4.3.2)."""
+
+from collections import Counter
+from collections.abc import Generator
+from contextlib import ExitStack
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core import camera as pinhole
+from ..core.errors import ReshadeError
+from ..core.types import Array, Camera, Photo, Progress
+from . import reference
+from .geometry import RayCaster, SceneGeometry
+from .progress import part
+from .render_depsgraph import settings
+from .rendering import render
+from .scene_read import read_camera
+from .scene_state import SceneState, read_state
+
+SUBPIXELS = 4  # a pixel on the edge of a changed object is looked at in so many places each way
+ROWS_A_STEP = 16
+
+
+def reshade(scene: bpy.types.Scene, photo: Photo, samples: int) -> Generator[Progress, None, Array]:
+    """Compute the reshaded photo (H, W, 3), linear: the photo itself, to the last bit, where nothing was edited.
+
+    The difference dP is that of two renders with the same random numbers, of the scene as it is and of its reference
+    state; where the edit changes nothing it is zero. What the photo has and the render has not (texture, grain) stays,
+    except where another object is seen now than in the photo: nothing of the photo belongs there.
+
+    Raises ReshadeError where the scene has no reference state, or the camera is not as it was.
+    """
+    yield Progress(0.0, "Comparing the scene with its reference state")
+    with reference.opened(scene) as before:
+        then, now = read_state(before), read_state(scene)
+        if now.same(then):
+            return photo.linear
+        if now.camera != then.camera:
+            raise ReshadeError(
+                "The camera is not as it was when the photo was explained", "Put it back, or estimate the light again"
+            )
+        camera = read_camera(scene, photo.size)
+        covered = yield from part(_covered(camera, then, now), 0.0, 0.1)
+        with _alike(scene, before, photo.size):
+            was = yield from part(render(before, samples), 0.1, 0.55)
+            is_now = yield from part(render(scene, samples), 0.55, 1.0)
+    return combine(photo.linear, was, is_now, covered)
+
+
+def combine(photo: Array, was: Array, is_now: Array, covered: Array) -> Array:
+    """Add to a photo (H, W, 3) what an edit changes, given the renders before and after it.
+
+    covered : (H, W) share of each pixel in which another object is seen than before
+    No pixel is made darker than black.
+    """
+    change = is_now - was - covered[..., None] * (photo - was)
+    return np.where(change == 0, photo, np.maximum(photo + change, np.minimum(photo, 0.0)))
+
+
+def _alike(scene: bpy.types.Scene, before: bpy.types.Scene, size: tuple[int, int]) -> ExitStack:
+    """Give both scenes the photo's size and the same settings of the renderer for a while."""
+    stack = ExitStack()
+    for one in (scene, before):
+        stack.enter_context(
+            settings(one.render, resolution_x=size[0], resolution_y=size[1], pixel_aspect_x=1.0, pixel_aspect_y=1.0)
+        )
+    same = {
+        prop.identifier: getattr(scene.cycles, prop.identifier)
+        for prop in scene.cycles.bl_rna.properties
+        if not prop.is_readonly and not getattr(prop, "is_deprecated", False)
+    }
+    stack.enter_context(settings(before.cycles, **same))
+    return stack
+
+
+def _covered(camera: Camera, then: SceneState, now: SceneState) -> Generator[Progress, None, Array]:
+    """Share (H, W) of each pixel in which an object is seen that was not there before, or no longer is now."""
+    covered = np.zeros((camera.height, camera.width))
+    for number, (one, other) in enumerate(((then, now), (now, then))):
+        changed = _changed(one.geometry, other.geometry)
+        if changed.any():
+            seen = yield from part(_seen(camera, one.geometry, changed), number / 2, (number + 1) / 2)
+            covered = np.maximum(covered, seen)
+    return covered
+
+
+def _changed(geometry: SceneGeometry, other: SceneGeometry) -> NDArray[np.bool_]:
+    """Which triangles (T,) belong to an object that the other scene has not, in just this place and shape."""
+    left = Counter(other.shapes)
+    changed = np.zeros(len(geometry.shapes) + 1, dtype=bool)
+    for number, shape in enumerate(geometry.shapes):
+        changed[number] = left[shape] == 0
+        left[shape] -= 1
+    return changed[geometry.instance]
+
+
+def _seen(camera: Camera, geometry: SceneGeometry, chosen: NDArray[np.bool_]) -> Generator[Progress, None, Array]:
+    """Share (H, W) of each pixel that shows one of the chosen triangles (T,)."""
+    caster = RayCaster(geometry)
+    chosen = np.append(chosen, False)  # a ray that meets nothing has index -1
+
+    def look(xy: Array) -> Array:
+        origin, directions = pinhole.rays(camera, xy.reshape(-1, 2))
+        return chosen[caster.nearest(origin, directions)].reshape(xy.shape[:-1]).astype(np.float64)
+
+    centres = pinhole.pixel_centres(camera.width, camera.height)
+    share = np.empty(centres.shape[:2])
+    for row in range(0, camera.height, ROWS_A_STEP):
+        yield Progress(0.8 * row / camera.height, "Finding what is in front of the photo")
+        share[row : row + ROWS_A_STEP] = look(centres[row : row + ROWS_A_STEP])
+    edge = np.zeros(share.shape, dtype=bool)
+    padded = np.pad(share, 1, mode="edge")
+    for dy in range(3):
+        for dx in range(3):
+            edge |= padded[dy : dy + share.shape[0], dx : dx + share.shape[1]] != share
+    yield Progress(0.8, "Finding what is in front of the photo")
+    steps = (np.arange(SUBPIXELS) + 0.5) / SUBPIXELS - 0.5
+    within = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
+    share[edge] = look(centres[edge][:, None] + within).mean(axis=1)
+    return share
