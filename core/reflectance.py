@@ -24,7 +24,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .fresnel import dielectric
+from .fresnel import dielectric, index_of_reflectance, normal_reflectance
 from .types import Array, Mask
 
 # Reflectance of a microfacet at the cosine of incidence on it, such as `lambda c: conductor(c, 0.27, 2.78)`.
@@ -125,11 +125,17 @@ def principled(
 ) -> Array:
     """Blender's Principled material, not metallic: a GGX coat over a diffuse base that gets what the coat leaves.
 
-    albedo : of the base; roughness : as in Blender; index : of refraction, at Specular IOR Level 0.5
+    albedo : of the base; roughness : as in Blender; index : see `coat_index`
     """
     coat = ggx(normal, to_light, to_view, roughness**2, lambda c: dielectric(c, index))
     left = 1 - coat_albedo(_dot(normal, to_view), roughness, index)
     return coat + left * lambert(normal, to_light, to_view, albedo)
+
+
+def coat_index(index: float, specular_level: float) -> float:
+    """Index of refraction of Principled's coat for its IOR and Specular IOR Level, which scales the reflectance at
+    normal incidence; 0.5 leaves it."""
+    return float(index_of_reflectance(np.minimum(2 * specular_level * normal_reflectance(index), 0.999)))
 
 
 def coat_albedo(cosine: ArrayLike, roughness: float, index: float = 1.5) -> Array:

@@ -10,6 +10,7 @@ from core.fresnel import conductor, dielectric
 from core.reflectance import (
     beckmann,
     coat_albedo,
+    coat_index,
     directional_albedo,
     gaussian,
     ggx,
@@ -201,3 +202,9 @@ def test_white_principled_conserves_energy(roughness):
     towards = np.array([0.1, 0.5, 1.0])
     albedo = directional_albedo(lambda n, i, e: principled(n, i, e, 1.0, roughness), towards, 0.5, nodes=96)
     assert np.all(albedo <= 1.01) and np.all(albedo > 0.95)
+
+
+def test_the_coat_of_blenders_settings():
+    assert coat_index(1.5, 0.5) == pytest.approx(1.5)
+    assert coat_index(1.5, 0.0) == 1.0
+    assert dielectric(1.0, coat_index(1.5, 1.0)) == pytest.approx(0.08)
