@@ -53,7 +53,7 @@ def fit_light(
         while found is None and damping < 1e6:
             trial = _stepped(problem, state, matrix, slope, damping)
             after = cost(problem, trial, expected)
-            if after < before:
+            if after < before and problem.hidden(trial.light):
                 found = trial
             else:
                 damping = max(damping * 5.0, 1e-6)

@@ -5,6 +5,7 @@ albedo of its surface, F the shading of a light of unit strength, V the share of
 radiance over the light's strength and O the sample's openness.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,6 +19,10 @@ _VISIBILITY_STEP = {8: np.array([0.02] * 3 + [0.03] * 3 + [0.1] * 2), 3: np.arra
 _NO_STRENGTH = 1e-300  # of a surface that the light does not reach
 _SMALLEST_SPREAD = 1e-4  # of the median brightness
 _LOSS_SCALE = 1.5  # of the expected residual: beyond it a residual counts by its size, not its square
+
+
+# hidden(light) -> bool: is the light out of the photo, or behind what it shows? One that is not would be seen there.
+Hidden = Callable[[Light], bool]
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,6 +57,7 @@ class Problem:
     rays: int
     far: float
     middle: Array  # (3,)
+    hidden: Hidden
     with_ambient: bool = True
 
     def settled(self, light: Light) -> Array | None:
@@ -60,11 +66,11 @@ class Problem:
             return None
         return settled(light, self.samples, self.visible, self.far, reach_of(light, self.middle))
 
-    def share(self, light: Light, known: Array | None) -> Array:
+    def share(self, light: Light, known: Array | None, rays: int) -> Array:
         """Visible fraction (N,); `known` from `settled`."""
         if self.visible is None:
             return np.ones(len(self.samples))
-        return visible_fraction(light, self.samples, self.visible, self.rays, self.far, known)
+        return visible_fraction(light, self.samples, self.visible, rays, self.far, known)
 
     def start(self, light: Light) -> State:
         """The state of a light whose strengths and ambient are not known yet: their linear solution."""
@@ -76,7 +82,7 @@ class Problem:
         """The state of a light with given strengths and ambient."""
         shade = shading(light, self.samples.point, self.samples.normal)
         known = self.settled(light)
-        return State(light, log_c, ambient, shade, self.share(light, known), known)
+        return State(light, log_c, ambient, shade, self.share(light, known, self.rays), known)
 
 
 def brightness(samples: Samples) -> Array:
@@ -163,12 +169,16 @@ def model_jacobian(problem: Problem, state: State) -> Array:
 
 
 def _visibility_slope(problem: Problem, state: State, reach: float) -> Array:
-    """(N, P) forward differences of the visible fraction, over steps that move a shadow by about a pixel."""
-    size = coordinates(state.light)
+    """(N, P) forward differences of the visible fraction, over steps that move a shadow by about a pixel.
+
+    A quarter of the rays is enough: every sample of a penumbra speaks on every coordinate.
+    """
+    rays = max(problem.rays // 4, 8)
+    here = problem.share(state.light, state.known, rays)
     columns = []
-    for step in np.diag(_VISIBILITY_STEP[size]):
-        there = problem.share(moved(state.light, step, reach), state.known)
-        columns.append((there - state.share) / step.sum())
+    for step in np.diag(_VISIBILITY_STEP[coordinates(state.light)]):
+        there = problem.share(moved(state.light, step, reach), state.known, rays)
+        columns.append((there - here) / step.sum())
     return np.stack(columns, axis=1)
 
 

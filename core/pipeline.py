@@ -17,7 +17,7 @@ from .lights import reach_of, shading, with_strength
 from .noise import noise_of
 from .radiometric import SCALE, Radiometry, solve_radiometry
 from .samples import choose_samples, extent_of, first
-from .starts import find_starts
+from .starts import find_starts, in_view
 from .types import (
     AreaLight,
     Array,
@@ -58,7 +58,7 @@ class _Effort:
 
 _EFFORTS = {
     "draft": _Effort(1500, 400, 24, 200, 80, 3, 1),
-    "standard": _Effort(4000, 900, 64, 300, 160, 5, 2),
+    "standard": _Effort(4000, 800, 48, 300, 160, 6, 2),
     "accurate": _Effort(10000, 2500, 144, 500, 320, 8, 3),
 }
 QUALITIES = tuple(_EFFORTS)
@@ -87,9 +87,12 @@ def estimate(
     far = _FAR * extent
     clock.mark("samples")
 
+    def hidden(light: Light) -> bool:
+        return not in_view(light, camera, buffers)
+
     def problem(count: int, rays: int) -> Problem:
         some = first(samples, count)
-        return Problem(some, brightness(some), visible, rays, far, middle)
+        return Problem(some, brightness(some), visible, rays, far, middle, hidden)
 
     if start is not None:
         initial = [start]
@@ -100,6 +103,7 @@ def estimate(
             search,
             brightness(search),
             visible,
+            hidden,
             directions=effort.directions,
             count=effort.starts,
             middle=middle,
@@ -273,7 +277,8 @@ def _assembled(
             continue
         level = np.average(samples.colour[of].mean(axis=1), weights=weight[of])
         spread = 1.4826 * float(np.median(np.abs(residual[of].mean(axis=1))))
-        surfaces.append(Surface(name, radiometry.albedo[i], int(of.sum()), spread > _TEXTURED * max(level, 1e-12)))
+        textured = bool(spread > _TEXTURED * max(level, 1e-12))
+        surfaces.append(Surface(name, radiometry.albedo[i], int(of.sum()), textured))
     message = ""
     if not radiometry.albedo.any() or not any(s.any() for s in radiometry.strengths):
         message = "No light of positive strength explains the photo: check the camera and the geometry"

@@ -21,12 +21,14 @@ def choose_samples(photo: Photo, camera: Camera, buffers: Buffers, count: int) -
     Raises NothingToLearn where fewer than 24 pixels are usable.
     """
     stride = buffers.stride
-    linear = photo.linear[stride // 2 :: stride, stride // 2 :: stride]
-    clipped = photo.clipped[stride // 2 :: stride, stride // 2 :: stride]
+    linear = photo.linear[::stride, ::stride]
+    clipped = photo.clipped[::stride, ::stride]
     away = camera.to_world[:3, 3] - buffers.point
     view = away / np.linalg.norm(away, axis=-1, keepdims=True)
     facing = np.einsum("ijk,ijk->ij", view, buffers.normal)
-    usable = (buffers.surface >= 0) & ~_grown(buffers.mixed) & ~clipped & (np.nan_to_num(facing) > _GRAZING)
+    # A lens and a photo's coding smear a silhouette over more than one pixel; a wider stride leaves that room already.
+    mixed = _grown(buffers.mixed) if stride == 1 else buffers.mixed
+    usable = (buffers.surface >= 0) & ~mixed & ~clipped & (np.nan_to_num(facing) > _GRAZING)
     if usable.sum() < _FEWEST:
         raise NothingToLearn(
             f"Only {int(usable.sum())} pixels show one surface, unclipped",
@@ -55,7 +57,7 @@ def choose_samples(photo: Photo, camera: Camera, buffers: Buffers, count: int) -
         colour=linear[y, x],
         surface=buffers.surface[y, x],
         weight=np.concatenate(weights)[order],
-        pixel=np.stack([x, y], axis=1).astype(np.int32) * stride + stride // 2,
+        pixel=np.stack([x, y], axis=1).astype(np.int32) * stride,
         openness=np.ones(len(y)),
         names=buffers.names,
         lift=1e-3 * extent,
@@ -85,7 +87,7 @@ def extent_of(samples: Samples) -> tuple[Array, float]:
 
 
 def _grown(mask: Mask) -> Mask:
-    """The mask and its neighbours: the photo's lens and its coding smear a silhouette over more than one pixel."""
+    """The mask and its neighbours."""
     padded = np.pad(mask, 1, mode="edge")
     height, width = mask.shape
     return np.any([padded[i : i + height, j : j + width] for i in range(3) for j in range(3)], axis=0)

@@ -9,9 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .light_problem import two_terms
+from .camera import project
+from .light_problem import Hidden, two_terms
 from .lights import facing, shading
-from .types import AreaLight, Array, PointLight, Samples, Visible
+from .types import AreaLight, Array, Buffers, Camera, Light, PointLight, Samples, SunLight, Visible
 from .visibility import visible_fraction
 
 _DISTANCES = (0.7, 1.3, 2.5, 6.0)  # of the scene's extent
@@ -29,18 +30,28 @@ class Start:
 
 
 def find_starts(
-    samples: Samples, brightness: Array, visible: Visible, *, directions: int, count: int, middle: Array, extent: float
+    samples: Samples,
+    brightness: Array,
+    visible: Visible,
+    hidden: Hidden,
+    *,
+    directions: int,
+    count: int,
+    middle: Array,
+    extent: float,
 ) -> tuple[Start, ...]:
     """Find up to `count` starts, best first, no two within 20 degrees of each other at a similar distance.
 
-    brightness : (N,) from `light_problem.brightness`; middle (3,), extent : from `samples.extent_of`
+    brightness : (N,) from `light_problem.brightness`; hidden : a light that the photo would show is no start
+    middle (3,), extent : from `samples.extent_of`
     directions : how many directions of the sphere are tried, at four distances each
     """
     tried = [(middle + r * extent * way, "grid") for way in _sphere(directions) for r in _DISTANCES]
     tried += [(middle + r * extent * way, "maximum") for way in _brightest(samples, brightness) for r in _DISTANCES]
     ranked = []
     for centre, cue in tried:
-        score = _left_over(PointLight(centre, np.ones(3)), samples, brightness, visible, extent)
+        light = PointLight(centre, np.ones(3))
+        score = _left_over(light, samples, brightness, visible, extent) if hidden(light) else np.inf
         if np.isfinite(score):
             ranked.append((score, cue, centre))
     ranked.sort(key=lambda entry: entry[0])
@@ -53,6 +64,21 @@ def find_starts(
             side = _FIRST_SIDE * float(np.linalg.norm(centre - middle))
             chosen.append(Start(facing(centre, middle, side), words[cue], score))
     return tuple(chosen)
+
+
+def in_view(light: Light, camera: Camera, buffers: Buffers) -> bool:
+    """Whether a light's centre lies inside the photo and in front of what is seen there."""
+    if isinstance(light, SunLight):
+        return False
+    x, y = project(camera, light.centre[None])[0] // buffers.stride
+    rows, columns = buffers.surface.shape
+    if not (0 <= x < columns and 0 <= y < rows):
+        return False
+    seen = buffers.point[int(y), int(x)]
+    if np.isnan(seen).any():
+        return True
+    eye = camera.to_world[:3, 3]
+    return bool(np.linalg.norm(light.centre - eye) < np.linalg.norm(seen - eye))
 
 
 def _left_over(light: PointLight, samples: Samples, brightness: Array, visible: Visible, extent: float) -> float:
