@@ -1,13 +1,38 @@
 """The add-on: Blender's side of Reshade."""
 
-from . import properties
+import bpy
+
+from . import operators, panels, properties
+
+COMMAND = "reshade"
+CLASSES = (*operators.CLASSES, *panels.CLASSES)
 
 
 def register() -> None:
     """Make the add-on known to Blender."""
     properties.register()
+    for cls in CLASSES:
+        bpy.utils.register_class(cls)
+    bpy.types.TOPBAR_MT_file_import.append(_import_menu)
+    # Blender hands out a handle to take the command back with; it is kept where the command's function is.
+    _run_command.handle = bpy.utils.register_cli_command(COMMAND, _run_command)
 
 
 def unregister() -> None:
     """Undo `register`."""
+    bpy.utils.unregister_cli_command(_run_command.handle)
+    bpy.types.TOPBAR_MT_file_import.remove(_import_menu)
+    for cls in reversed(CLASSES):
+        bpy.utils.unregister_class(cls)
     properties.unregister()
+
+
+def _run_command(argv: list[str]) -> int:
+    from .cli import main
+
+    return main(argv)
+
+
+def _import_menu(self: bpy.types.Menu, context: bpy.types.Context) -> None:
+    self.layout.operator(operators.RESHADE_OT_import_photo.bl_idname, text="Photo to Reshade (.png/.jpg/.exr)")
+    self.layout.operator(operators.RESHADE_OT_import_fspy.bl_idname, text="fSpy Camera (.fspy/.json)")

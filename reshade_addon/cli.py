@@ -16,7 +16,6 @@ from typing import Any, NoReturn, TextIO
 import bpy
 
 from ..core.errors import ReshadeError
-from ..core.report import to_dict
 from ..core.types import AreaLight, Photo, Progress
 from . import photo_image, photo_io, scene_write, solving
 from .blend_file import open_blend, save_blend
@@ -112,12 +111,10 @@ def _finish(
 ) -> tuple[int, str]:
     """Apply a solution and write what was asked for. Without a trustworthy answer, that is the report alone."""
     if not solution.estimate:
-        nameless = [scene_write.LIGHT] * len(solution.estimate.lights)
-        _write_report(report, to_dict(solution.estimate, arguments.quality, nameless))
+        _write_report(report, solution.report([scene_write.LIGHT] * len(solution.estimate.lights)))
         return 3, solution.estimate.message
     names = solving.apply(scene, photo_image.load_image(arguments.photo), solution)
-    found = to_dict(solution.estimate, arguments.quality, names)
-    scene.reshade.report = json.dumps(found, allow_nan=False)
+    found = solution.report(names)
     _write_report(report, found)
     if blend:
         save_blend(blend)

@@ -33,7 +33,8 @@ def reshade(scene: bpy.types.Scene, photo: Photo, samples: int) -> Generator[Pro
     Raises ReshadeError where the scene has no reference state, or the camera is not as it was.
     """
     yield Progress(0.0, "Comparing the scene with its reference state")
-    with reference.opened(scene) as before:
+    with reference.opened(scene) as copy:
+        before = copy.scene
         then, now = read_state(before), read_state(scene)
         if now.same(then):
             return photo.linear

@@ -1,18 +1,23 @@
 """From a scene and its photo to an estimate, and the estimate into the scene: what operators and commands share."""
 
+import json
 from collections.abc import Generator, Sequence
 from dataclasses import dataclass, replace
 from time import perf_counter
+from typing import Any
 
 import bpy
 import numpy as np
 
-from ..core.errors import ReshadeError
+from ..core.errors import NothingToLearn, ReshadeError
 from ..core.pipeline import estimate, solve
-from ..core.types import AreaLight, Buffers, Estimate, Light, Photo, Progress
+from ..core.report import to_dict
+from ..core.types import AreaLight, Array, Buffers, Estimate, Light, Photo, Progress
 from . import reference, scene_write
+from .photo_image import picture_image
 from .progress import part
 from .projection import projection_group
+from .scene_copy import SceneCopy, original, packed, unpacked
 from .scene_read import (
     SceneView,
     check_aspect,
@@ -22,18 +27,26 @@ from .scene_read import (
     read_view,
     rendered_lights,
 )
+from .texture import albedo_texture, texture_view
 
 PIXELS_READ = {"draft": 30_000, "standard": 80_000, "accurate": 200_000}  # of the photo; the core chooses among them
-READING = 0.15  # share of the progress bar
+READ, SOLVED = 0.1, 0.8  # where these stages end on the progress bar
+TEXTURE = "Reshade albedo"
 
 
 @dataclass(frozen=True, slots=True)
 class Solution:
-    """An estimate, with what it was made from."""
+    """An estimate, with what is needed to put it into the scene."""
 
     estimate: Estimate
+    quality: str
     view: SceneView
-    light_objects: tuple[bpy.types.Object, ...] = ()  # that had their strengths solved; none: the lights are new
+    given_lights: tuple[str, ...] = ()  # objects that had their strengths solved; none: the lights are new
+    texture: Array | None = None  # (H, W, 4) albedo and coverage, where a surface is textured
+
+    def report(self, names: Sequence[str]) -> dict[str, Any]:
+        """The report, given the names of the lights."""
+        return to_dict(self.estimate, self.quality, names)
 
 
 def estimate_light(
@@ -47,8 +60,9 @@ def estimate_light(
     view, buffers = yield from _read(scene, photo, quality)
     reading = perf_counter() - began
     steps = estimate(photo, view.camera, buffers, view.caster.visible, quality=quality, model=model, start=start)
-    result = yield from part(steps, READING, 1.0)
-    return Solution(_timed(result, reading, began), view)
+    result = yield from part(steps, READ, SOLVED)
+    solution = Solution(result, quality, view)
+    return (yield from _completed(scene, photo, solution, reading, began))
 
 
 def solve_materials(scene: bpy.types.Scene, photo: Photo, *, quality: str) -> Generator[Progress, None, Solution]:
@@ -64,33 +78,28 @@ def solve_materials(scene: bpy.types.Scene, photo: Photo, *, quality: str) -> Ge
     view, buffers = yield from _read(scene, photo, quality)
     reading = perf_counter() - began
     steps = solve(photo, view.camera, buffers, view.caster.visible, lights, quality=quality)
-    result = yield from part(steps, READING, 1.0)
-    return Solution(_timed(result, reading, began), view, tuple(objects))
+    result = yield from part(steps, READ, SOLVED)
+    solution = Solution(result, quality, view, tuple(obj.name for obj in objects))
+    return (yield from _completed(scene, photo, solution, reading, began))
 
 
 def apply(scene: bpy.types.Scene, photo: bpy.types.Image, solution: Solution) -> list[str]:
-    """Put an estimate into the scene and keep the result as its reference state. Returns the lights' names."""
-    camera = perspective_camera(scene)
-    scene_write.write_photo(scene, camera, photo)
+    """Put a solution into the scene and keep the result as its reference state. Returns the lights' names.
+
+    Raises ReshadeError, before anything is changed, where the solution is no trustworthy answer.
+    """
+    if not solution.estimate:
+        raise NothingToLearn(solution.estimate.message, "The scene is as it was")
+    scene_write.write_photo(scene, perspective_camera(scene), photo)
+    texture = None
+    if solution.texture is not None:
+        texture = picture_image(TEXTURE, solution.texture, bpy.data.images.get(TEXTURE), encoded=True)
+    objects = _put(original(scene), solution, texture)
     scene.reshade.photo = photo
-    if solution.light_objects:
-        objects = list(solution.light_objects)
-        for obj, light in zip(objects, solution.estimate.lights, strict=True):
-            scene_write.set_strength(obj, light)
-    else:
-        objects = _write_lights(scene, solution.estimate.lights)
-    scene_write.write_world(scene, solution.estimate.ambient)
-    projection_group(camera, solution.view.camera)
-    solved = {surface.name: surface for surface in solution.estimate.surfaces}
-    rest = scene_write.unseen(solution.estimate.surfaces)
-    for name in solution.view.geometry.materials:
-        material = bpy.data.materials[name]
-        if name in solved:
-            scene_write.write_material(material, solved[name])
-        elif scene_write.shows_photo(material):
-            scene_write.write_material(material, replace(rest, name=name))
     reference.store(scene)
-    return [obj.name for obj in objects]
+    names = [obj.name for obj in objects]
+    scene.reshade.report = json.dumps(solution.report(names), allow_nan=False)
+    return names
 
 
 def _read(scene: bpy.types.Scene, photo: Photo, quality: str) -> Generator[Progress, None, tuple[SceneView, Buffers]]:
@@ -98,12 +107,48 @@ def _read(scene: bpy.types.Scene, photo: Photo, quality: str) -> Generator[Progr
     check_aspect(scene, photo.size)
     view = read_view(scene, photo.size)
     stride = max(1, int(np.sqrt(photo.size[0] * photo.size[1] / PIXELS_READ[quality])))
-    buffers = yield from part(read_buffers(view, stride), 0.0, READING)
+    buffers = yield from part(read_buffers(view, stride), 0.0, READ)
     return view, buffers
 
 
-def _timed(result: Estimate, reading: float, began: float) -> Estimate:
-    return replace(result, seconds={"read": reading, **result.seconds, "total": perf_counter() - began})
+def _completed(
+    scene: bpy.types.Scene, photo: Photo, solution: Solution, reading: float, began: float
+) -> Generator[Progress, None, Solution]:
+    """Add the texture of textured surfaces and the time all took."""
+    if solution.estimate and any(surface.textured for surface in solution.estimate.surfaces):
+        view = texture_view(scene, solution.view, photo.size, solution.quality)
+        buffers = yield from part(read_buffers(view), SOLVED, 0.85)
+        yield Progress(0.85, "Copying the scene")
+        with unpacked(packed(scene)) as copy:
+            _put(copy, solution, None)
+            steps = albedo_texture(copy.scene, photo, view, buffers, solution.estimate.surfaces, solution.quality)
+            texture = yield from part(steps, 0.85, 1.0)
+        solution = replace(solution, texture=texture)
+    seconds = {"read": reading, **solution.estimate.seconds, "total": perf_counter() - began}
+    return replace(solution, estimate=replace(solution.estimate, seconds=seconds))
+
+
+def _put(target: SceneCopy, solution: Solution, texture: bpy.types.Image | None) -> list[bpy.types.Object]:
+    """Give a scene the lights, world and materials of a solution. Returns the lights' objects."""
+    scene, found = target.scene, solution.estimate
+    if solution.given_lights:
+        objects = [target.objects[name] for name in solution.given_lights]
+        for obj, light in zip(objects, found.lights, strict=True):
+            scene_write.set_strength(obj, light)
+    else:
+        objects = _write_lights(scene, found.lights)
+    scene_write.write_world(scene, found.ambient)
+    group = projection_group(perspective_camera(scene), solution.view.camera) if texture else None
+    solved = {surface.name: surface for surface in found.surfaces}
+    rest = scene_write.unseen(found.surfaces)
+    for name in solution.view.geometry.materials:
+        material = target.materials[name]
+        surface = solved.get(name)
+        if surface:
+            scene_write.write_material(material, surface, group, texture if surface.textured else None)
+        elif scene_write.shows_photo(material):
+            scene_write.write_material(material, replace(rest, name=name))
+    return objects
 
 
 def _write_lights(scene: bpy.types.Scene, lights: Sequence[Light]) -> list[bpy.types.Object]:

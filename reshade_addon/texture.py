@@ -1,0 +1,87 @@
+"""The unlit texture of surfaces whose albedo varies: the photo with its shading divided out, as the camera sees it."""
+
+from collections.abc import Generator, Sequence
+
+import bpy
+import numpy as np
+from scipy import ndimage
+
+from ..core.albedo_map import albedo_map
+from ..core.types import Array, Buffers, Mask, Photo, Progress, Surface
+from .render_depsgraph import settings
+from .rendering import render
+from .scene_read import SceneView, read_camera
+
+PIXELS = {"draft": 250_000, "standard": 1_000_000, "accurate": 4_000_000}
+SAMPLES = {"draft": 32, "standard": 64, "accurate": 256}
+REACH = 3  # pixels a texture goes on past its surface's outline, where pixels are mixed
+
+
+def texture_view(scene: bpy.types.Scene, view: SceneView, size: tuple[int, int], quality: str) -> SceneView:
+    """The same view as a picture of as many pixels as a texture shall have at most; `size` is the photo's."""
+    scale = min(1.0, np.sqrt(PIXELS[quality] / (size[0] * size[1])))
+    small = (max(1, round(size[0] * scale)), max(1, round(size[1] * scale)))
+    return SceneView(read_camera(scene, small), view.geometry, view.caster)
+
+
+def albedo_texture(
+    scene: bpy.types.Scene,
+    photo: Photo,
+    view: SceneView,
+    buffers: Buffers,
+    surfaces: Sequence[Surface],
+    quality: str,
+) -> Generator[Progress, None, Array]:
+    """Compute each textured pixel's albedo and coverage, (H, W, 4), in the size of `view`'s camera.
+
+    scene : with the estimated lights, and materials of one albedo each; its render over that albedo is the shading,
+        shadows and interreflection included
+    buffers : what each pixel of `view` shows
+    """
+    width, height = view.camera.width, view.camera.height
+    with settings(scene.render, resolution_x=width, resolution_y=height, pixel_aspect_x=1.0, pixel_aspect_y=1.0):
+        rendered = yield from render(scene, SAMPLES[quality])
+    solved = {surface.name: surface for surface in surfaces}
+    flat = np.array([solved[name].albedo if name in solved else np.ones(3) for name in buffers.names])
+    textured = np.array([name in solved and solved[name].textured for name in buffers.names])
+    albedo = flat[buffers.surface]
+    pure = (buffers.surface >= 0) & ~buffers.mixed
+    shading = _smooth(rendered / np.maximum(albedo, 1e-3), buffers.surface, pure)
+    texture = albedo_map(_resized(photo.linear, width, height), shading, albedo)
+    known = pure & textured[buffers.surface] & ~(_resized(photo.clipped[..., None] * 1.0, width, height)[..., 0] > 0)
+    if not known.any():
+        return np.zeros((height, width, 4))
+    # A colour for every pixel, so that filtering at the outline mixes in nothing foreign.
+    distance, nearest = ndimage.distance_transform_edt(~known, return_indices=True)
+    return np.concatenate([texture[tuple(nearest)], (distance <= REACH)[..., None]], axis=-1)
+
+
+def _smooth(shading: Array, surface: Array, pure: Mask) -> Array:
+    """Average the shading (H, W, 3) over 3 x 3 pixels of the same surface: less of the render's noise."""
+    total = np.zeros(shading.shape)
+    count = np.zeros(shading.shape[:2])
+    padded = np.pad(shading, ((1, 1), (1, 1), (0, 0)))
+    label = np.pad(np.where(pure, surface, -1), 1, constant_values=-1)
+    height, width = count.shape
+    for dy in range(3):
+        for dx in range(3):
+            same = (label[dy : dy + height, dx : dx + width] == surface) & pure
+            total += padded[dy : dy + height, dx : dx + width] * same[..., None]
+            count += same
+    return np.where(count[..., None] > 0, total / np.maximum(count, 1)[..., None], shading)
+
+
+def _resized(picture: Array, width: int, height: int) -> Array:
+    """Average a picture (H, W, C) over the area of each pixel of a smaller one, (height, width, C)."""
+    if picture.shape[:2] == (height, width):
+        return picture
+    rows, columns = _shares(picture.shape[0], height), _shares(picture.shape[1], width)
+    return np.einsum("jw,hwc->hjc", columns, np.einsum("ih,hwc->iwc", rows, picture, optimize=True), optimize=True)
+
+
+def _shares(many: int, few: int) -> Array:
+    """Share (few, many) that each of many equal parts has in each of a few."""
+    edges = np.linspace(0, many, few + 1)
+    low, high = edges[:-1, None], edges[1:, None]
+    cell = np.arange(many)
+    return np.clip(np.minimum(cell + 1, high) - np.maximum(cell, low), 0, None) * few / many
