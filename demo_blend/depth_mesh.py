@@ -31,6 +31,21 @@ class PlaneFits:
     slope_x: Array  # (H, W) for each pixel to the right
     slope_y: Array  # (H, W) for each pixel down
 
+    @classmethod
+    def of_plane(cls, plane: Array, shape: tuple[int, ...]) -> "PlaneFits":
+        """One plane (3,), value = a x + b y + c at pixel centres (x, y), seen by every pixel of a picture (H, W)."""
+        a, b, c = plane
+        y, x = np.indices(shape) + 0.5
+        return cls(a * x + b * y + c, np.full(shape, a), np.full(shape, b))
+
+    def where(self, mask: Mask, other: "PlaneFits") -> "PlaneFits":
+        """These planes where the mask (H, W) is set, the other ones elsewhere."""
+        return PlaneFits(
+            np.where(mask, self.value, other.value),
+            np.where(mask, self.slope_x, other.slope_x),
+            np.where(mask, self.slope_y, other.slope_y),
+        )
+
 
 @dataclass(frozen=True, slots=True)
 class Links:
@@ -229,21 +244,32 @@ def pixel_mesh(fits: PlaneFits, links: Links, keep: Mask) -> PixelMesh:
 
 
 def back_inverse_depth(mesh: PixelMesh, footprint: float, thickest: float) -> Array:
-    """Inverse depth (V,) of a guessed unseen back: as thick as its distance to the rim is wide, up to `thickest`.
+    """Inverse depth (V,) of a guessed unseen back: things are taken to be as deep as they are wide, and round.
 
-    A thing is taken to be as deep as it is wide: a cable stays thin, a tank gets a back. At the rim the back meets the
-    front, so the two enclose a volume that casts a shadow.
+    Around each vertex the widest disc is found that fits between the rims of the surface; the back is where it would
+    be if the disc were a ball's outline. At the rim the back meets the front, so the two enclose a volume that casts a
+    shadow; a cable stays thin, a tank gets a back.
 
     footprint : size of a pixel at unit depth (1 / focal length in pixels)
     thickest : metres
     """
-    start, end = mesh.quads.ravel(), np.roll(mesh.quads, -1, axis=1).ravel()
+    ways = [mesh.quads[:, [i, j]] for i, j in ((0, 1), (1, 2), (2, 3), (3, 0), (0, 2), (1, 3))]
+    start, end = np.concatenate(ways).T
     depth = 1.0 / mesh.inverse_depth
     graph = coo_matrix((np.ones(len(start)), (start, end)), shape=(len(depth), len(depth))).tocsr()
-    graph.data = footprint * depth[graph.indices]
-    distance = dijkstra(graph, directed=False, indices=np.flatnonzero(mesh.rim), min_only=True, limit=thickest)
-    thickness = np.minimum(2.0 * distance, thickest)
-    return 1.0 / (depth + thickness)
+    start, end = graph.nonzero()
+    # Along the picture plane: a surface seen edge-on is no wider for it.
+    graph.data = footprint * depth[end] * np.linalg.norm(mesh.xy[start] - mesh.xy[end], axis=1)
+
+    def away(sources: Mask, limit: float) -> Array:
+        return dijkstra(graph, directed=False, indices=np.flatnonzero(sources), min_only=True, limit=limit)
+
+    widest = thickest / 2
+    inside = np.minimum(away(mesh.rim, widest), widest)
+    radius = inside
+    for disc in np.geomspace(widest, footprint * depth.min(), 16):
+        radius = np.where(away(inside >= disc, disc) < disc, np.maximum(radius, disc), radius)
+    return 1.0 / (depth + 2.0 * np.sqrt(inside * (2.0 * radius - inside)))
 
 
 def in_world(directions: Array, inverse_depth: Array, to_world: Array) -> Array:
