@@ -1,7 +1,8 @@
 """Build the coffee scene: table, saucer, cup, coffee and spoon under the camera of scikit-image's coffee photo.
 
-Run as `python demo_blend/coffee.py --output coffee.blend`, in a Python that has bpy and scikit-image. The shapes were solved from
-the photo's outlines (coffee_match.py); no light is in the scene, for the light is what Reshade estimates. The photo
+Run as `python demo_blend/coffee.py --output coffee.blend`, in a Python that has bpy, scipy and scikit-image; the
+committed file was made with bpy 4.5, so that every Blender from 4.3 on can open it. The shapes were solved from the
+photo's outlines (coffee_match.py). No light is in the scene, for the light is what Reshade estimates. The photo
 (skimage.data.coffee, CC0, by Rachel Michetti) is packed into the file and is the camera's background.
 """
 
@@ -12,12 +13,11 @@ import json
 from pathlib import Path
 
 import bpy
+import coffee_meshes as meshes
 import numpy as np
 import skimage
-from mathutils import Matrix
-
-import coffee_meshes as meshes
 from coffee_shape import CAMERA, HEIGHT, WIDTH
+from mathutils import Matrix
 
 OUTLINES = Path(__file__).with_name("coffee_outlines.json")
 PHOTO = Path(skimage.__file__).with_name("data") / "coffee.png"
@@ -49,7 +49,7 @@ def add_materials() -> dict[str, bpy.types.Material]:
     return made
 
 
-def add_body(scene: bpy.types.Scene, name: str, body: meshes.Mesh, materials: list[bpy.types.Material]) -> bpy.types.Object:
+def add_body(scene: bpy.types.Scene, name: str, body: meshes.Mesh, materials: list[bpy.types.Material]) -> None:
     """An object of a mesh's vertices and faces, smoothly shaded unless it is the table."""
     mesh = bpy.data.meshes.new(name)
     mesh.from_pydata(body.vertices.tolist(), [], body.faces)
@@ -60,9 +60,7 @@ def add_body(scene: bpy.types.Scene, name: str, body: meshes.Mesh, materials: li
         mesh.shade_smooth()
         mesh.set_sharp_from_angle(angle=np.radians(60.0))  # the spoon's edges
     mesh.validate(verbose=True)
-    thing = bpy.data.objects.new(name, mesh)
-    scene.collection.objects.link(thing)
-    return thing
+    scene.collection.objects.link(bpy.data.objects.new(name, mesh))
 
 
 def add_camera(scene: bpy.types.Scene) -> bpy.types.Camera:

@@ -1,4 +1,4 @@
-"""Solve the cup's handle, the spoon and the coffee's edge, given camera and cup, and print the numbers for coffee_shape.py.
+"""Solve the cup's handle, the spoon and the coffee's edge, given camera and cup, and print them for coffee_shape.py.
 
 Run as `python demo_blend/coffee_match_parts.py` once coffee_shape.py holds the camera and cup of coffee_match.py.
 """
@@ -6,14 +6,23 @@ Run as `python demo_blend/coffee_match_parts.py` once coffee_shape.py holds the 
 from __future__ import annotations
 
 import numpy as np
-from scipy.optimize import brentq, least_squares
-
 from coffee_match import read_outlines, to_metres
 from coffee_shape import (
-    CAMERA, CUP, EDGE_ORDER, MM, Array, Handle, Spoon, belly_curve, edge_basis, wall_curve,
+    CAMERA,
+    CUP,
+    EDGE_ORDER,
+    MM,
+    Array,
+    Handle,
+    Spoon,
+    belly_curve,
+    edge_basis,
+    wall_curve,
 )
+from scipy.optimize import brentq, least_squares
 
-SPOON_EDGE = ((0.0, 17.6), (20.0, 18.6), (32.0, 19.4), (60.0, 20.2), (78.0, 20.6), (94.0, 22.2))  # it lies on bowl and rim
+# Distance along the axis and height of the spoon's edge, millimetres: it rests on its bowl and on the saucer's rim.
+SPOON_EDGE = ((0.0, 18.0), (20.0, 18.7), (32.0, 19.2), (60.0, 19.5), (80.0, 19.5), (94.0, 20.8))
 SPOON_BOWL = (34.0, 6.0)
 EDGE_AT = (0.92, 0.6)  # where, across a section of the strap, its outer face ends for the eye
 
@@ -37,7 +46,8 @@ def handle_from(p: Array) -> Handle:
     belly = belly_curve(CUP)
     top, low = p[1] * MM, p[2] * MM
     path = [(float(belly(top)) - 2.0 * MM, top), *(p[3:9].reshape(3, 2) * MM), (float(belly(low)) - 2.0 * MM, low)]
-    return Handle(float(np.radians(p[0])), tuple((float(r), float(z)) for r, z in path), float(p[9] * MM), 2.0 * MM, float(p[10] * MM))
+    knots = tuple((float(r), float(z)) for r, z in path)
+    return Handle(float(np.radians(p[0])), knots, float(p[9] * MM), 2.0 * MM, float(p[10] * MM))
 
 
 HANDLE_START = np.array([-108.0, 52.0, 24.0, 38.0, 51.0, 45.0, 38.0, 38.0, 25.0, 5.2, 0.0])
@@ -74,7 +84,7 @@ def match_handle(outlines: dict[str, Array]) -> Handle:
 
 def beside_axis(pixels: Array, tip: tuple[float, float], azimuth: float) -> tuple[Array, Array]:
     """Distances along and aside of a spoon's axis of its edge's pixels, metres."""
-    spoon = Spoon(tip, azimuth, tuple((s * MM, z * MM) for s, z in SPOON_EDGE), (), (0.0, 0.0))
+    spoon = Spoon(tip, azimuth, tuple((s * MM, z * MM) for s, z in SPOON_EDGE), (), (), (0.0, 0.0))
     z = np.full(len(pixels), SPOON_EDGE[0][1] * MM)
     c, s = np.cos(azimuth), np.sin(azimuth)
     for _ in range(6):  # height depends on place and place on height
@@ -104,19 +114,28 @@ def match_spoon(outlines: dict[str, Array]) -> Spoon:
 
     p = least_squares(residuals, [27.0, -35.0, 85.0]).x
     along, aside, (left, right) = sides(p)
-    handle, end = np.flatnonzero(aside[-n_tip:] < 0) + len(along) - n_tip, along.max()
-    s = np.r_[0.0, both, along[handle], end]
-    w = np.r_[0.0, (left + right) / 2, -aside[handle], 0.0]
-    order = np.argsort(s)
     print("spoon sides differ by", np.round(np.sqrt(np.mean((left - right) ** 2)) / MM, 2), "mm")
-    width = tuple((round(float(a), 5), round(float(b), 5)) for a, b in zip(s[order], w[order], strict=True))
+    along, aside = along[-n_tip:], aside[-n_tip:]
+    near, end = aside < 0, float(along.max()) + 0.1 * MM
+    shown = along > along[near].max() - 5.0 * MM  # the far side of the handle is behind the cup but for its end
+    knots = []
+    for bowl, seen, w in ((left, ~near & shown, aside), (right, near, -aside)):
+        s, u = np.r_[0.0, both[::2], along[seen], end], np.r_[0.0, bowl[::2], w[seen], 0.0]
+        if bowl is left:  # the hidden part is like the near side, and meets what shows of the far one
+            first = along[seen].min()
+            hidden = near & (along < first - 1.0 * MM)
+            meet = w[seen][along[seen].argmin()] / -aside[hidden][along[hidden].argmax()]
+            s = np.r_[s, along[hidden]]
+            u = np.r_[u, -aside[hidden] * np.interp(along[hidden], [first - 20.0 * MM, first], [1.0, meet])]
+        order = np.argsort(s)
+        knots.append(tuple((round(float(a), 5), round(float(b), 5)) for a, b in zip(s[order], u[order], strict=True)))
     edge = tuple((a * MM, z * MM) for a, z in SPOON_EDGE)
-    return Spoon(to_metres(p[:2]), float(np.radians(p[2])), edge, width, to_metres(np.array(SPOON_BOWL)))
+    return Spoon(to_metres(p[:2]), float(np.radians(p[2])), edge, *knots, to_metres(np.array(SPOON_BOWL)))
 
 
 def match_coffee_edge(outlines: dict[str, Array]) -> tuple[float, ...]:
-    """Fourier coefficients (mean, then cosine and sine of each harmonic, metres) of the height, round the cup's wall, of the
-    line where coffee ends: it is a stain that the cup's tilting left, no circle."""
+    """Fourier coefficients (mean, then cosine and sine of each harmonic, metres) of the height, round the cup's wall,
+    of the line where coffee ends: it is a stain that the cup's tilting left, no circle."""
     pose, wall = CUP.pose(), wall_curve(CUP, 200)[:90]
     eye = pose[:3, :3].T @ (CAMERA.centre() - pose[:3, 3])
     ray = CAMERA.rays(outlines["coffee_edge"]) @ pose[:3, :3]

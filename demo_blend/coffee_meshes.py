@@ -1,4 +1,4 @@
-"""The coffee scene's solved shapes as closed meshes: vertices (n, 3) in metres and faces as index tuples, in world space.
+"""The coffee scene's solved shapes as closed meshes: vertices (n, 3) in metres, world space, and faces as index tuples.
 
 Faces wind anticlockwise seen from outside. Every body is closed, so that rays cast for shadow or light meet an outside.
 """
@@ -8,12 +8,24 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator
-
 from coffee_shape import (
-    CAMERA, COFFEE_EDGE, CUP, FOOT, HANDLE, MM, SPOON, SPOON_THICKNESS, WELL, Array, belly_curve, edge_basis, lip_curve,
-    saucer_profile, wall_curve,
+    CAMERA,
+    COFFEE_EDGE,
+    CUP,
+    FOOT,
+    HANDLE,
+    MM,
+    SPOON,
+    SPOON_THICKNESS,
+    WELL,
+    Array,
+    belly_curve,
+    edge_basis,
+    lip_curve,
+    saucer_profile,
+    wall_curve,
 )
+from scipy.interpolate import PchipInterpolator
 
 AROUND = 160  # segments round an axis
 TABLE_THICKNESS = 30.0 * MM
@@ -41,7 +53,7 @@ def grid_faces(rows: int, columns: int, wrap: bool) -> list[tuple[int, ...]]:
 
 
 def revolve(profile: Array, pose: Array | None = None) -> Mesh:
-    """The body whose section runs from the top of its axis, outward and down, back to the axis: (n, 2) radius, height."""
+    """The body whose section runs from the top of its axis, outward and down, back to it: (n, 2) radius, height."""
     angle = np.arange(AROUND) * 2.0 * np.pi / AROUND
     ring = np.c_[np.cos(angle), np.sin(angle)]
     inner = profile[1:-1]
@@ -70,8 +82,8 @@ def cup() -> Mesh:
     z = np.linspace(FOOT, CUP.shoulder, 48)
     split = lip_curve(CUP, np.r_[np.linspace(0.0, CUP.white_edge, 8)[1:], np.linspace(CUP.white_edge, np.pi, 22)[1:]])
     outside = np.r_[split[:7][::-1], np.c_[belly_curve(CUP)(z), z][::-1]]
-    ring = CUP.foot - np.array([0.3, 1.2, 1.8, 2.6, 4.6, 5.4]) * MM  # the foot's ring, on the well
-    under = np.c_[ring, WELL + np.array([0.35, 0.3, 0.0, 0.0, 0.4, 1.6]) * MM]
+    ring = CUP.foot - np.array([0.3, 1.2, 1.8, 2.6, 4.6, 5.4]) * MM  # it stands on this; leaning, on its lowest point
+    under = np.c_[ring, WELL + np.array([0.35, 0.3, 0.13, 0.13, 0.4, 1.6]) * MM]
     white = np.r_[wall_curve(CUP, 60)[::-1], split[7:-1][::-1]]
     mesh = revolve(np.r_[white, outside, under, [[0.0, WELL + 2.0 * MM]]], CUP.pose())
     rows = len(white) - 1
@@ -80,8 +92,7 @@ def cup() -> Mesh:
 
 
 def coffee() -> Mesh:
-    """The coffee: level in the middle, rising or falling at the wall to where the photo shows it end; its rim is inside the
-    cup's wall."""
+    """The coffee: level in the middle, at the wall as high as the photo shows it end; its rim is inside the wall."""
     angle = np.arange(AROUND) * 2.0 * np.pi / AROUND
     edge = edge_basis(angle) @ np.array(COFFEE_EDGE)
     pose, wall = CUP.pose(), wall_curve(CUP, 200)
@@ -121,20 +132,21 @@ def handle() -> Mesh:
 
 def spoon() -> Mesh:
     """The spoon, of one thickness, its bowl a hollow."""
-    s, w = np.array(SPOON.width).T
-    end = s[-1]
+    end = SPOON.right[-1][0]
     ease = np.linspace(0.0, 1.0, 140)
     along = end * (ease - np.sin(2.0 * np.pi * ease) / (2.0 * np.pi) * 0.9)  # closer together at both ends
     along = np.unique(np.r_[along, np.linspace(0.0, 40.0 * MM, 80)])
-    half = rounded_width(along, s, w)
+    left, right = (rounded_width(along, np.array(side)) for side in (SPOON.left, SPOON.right))
     t = np.sin(np.linspace(-np.pi / 2, np.pi / 2, 41))
     length, depth = SPOON.bowl
-    from_middle = 2.0 * along / length - 0.95
-    steep = np.where(from_middle < 0.0, 0.8, 2.0)  # the bowl is steep towards its end and runs out gently into the neck
+    deepest = 0.45 * length
+    from_middle = np.where(along < deepest, along / deepest - 1.0, (along - deepest) / (length - deepest))
+    steep = np.where(along < deepest, 0.8, 2.0)  # the bowl is steep towards its end and runs out gently into the neck
     hollow = depth * np.clip(1.0 - from_middle**2, 0.0, None) ** steep
     z = SPOON.edge_height(along)[:, None] - hollow[:, None] * (1.0 - t**2)
-    top = SPOON.to_world(np.repeat(along[:, None], len(t), axis=1), half[:, None] * t, z)
-    thin = SPOON_THICKNESS * np.clip(half / (2.0 * MM), 0.3, 1.0)[:, None] * (0.55 + 0.45 * (1.0 - t**2))
+    aside = np.where(t > 0.0, left[:, None], right[:, None]) * t
+    top = SPOON.to_world(np.repeat(along[:, None], len(t), axis=1), aside, z)
+    thin = SPOON_THICKNESS * np.clip((left + right) / (4.0 * MM), 0.3, 1.0)[:, None] * (0.55 + 0.45 * (1.0 - t**2))
     bottom = top - np.stack([0 * thin, 0 * thin, thin], axis=-1)
     section = np.concatenate([top, bottom[:, ::-1]], axis=1)
     rows, columns = section.shape[:2]
@@ -143,9 +155,9 @@ def spoon() -> Mesh:
     return Mesh(section.reshape(-1, 3), faces, set())
 
 
-def rounded_width(along: Array, s: Array, w: Array) -> Array:
-    """Half the spoon's width between its measured knots; its square is interpolated near both ends, where it is round."""
-    return np.sqrt(np.clip(PchipInterpolator(s, w**2)(along), (0.15 * MM) ** 2, None))
+def rounded_width(along: Array, knots: Array) -> Array:
+    """The spoon's width on one side between its knots (k, 2); the square is interpolated, since both ends are round."""
+    return np.sqrt(np.clip(PchipInterpolator(knots[:, 0], knots[:, 1] ** 2)(along), (0.15 * MM) ** 2, None))
 
 
 def table(edge_pixels: Array) -> Mesh:

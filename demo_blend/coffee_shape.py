@@ -2,7 +2,7 @@
 
 Metres, z up, the table's top at z = 0, the saucer's axis through the origin. Pure numpy and scipy, so that the match
 (coffee_match.py) and the builder (coffee.py) use the very same shapes. Scale is a convention, since a photo has none:
-the saucer is 120 mm across, as espresso saucers are; the cup then comes out 65 mm wide and 60 mm tall, as espresso cups do.
+the saucer is 120 mm across, as espresso saucers are; the cup then comes out 66 mm wide and 63 mm tall, as such cups do.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ SPOON_THICKNESS = 1.0 * MM
 
 @dataclass(frozen=True)
 class Camera:
-    """A pinhole camera, principal point in the middle. Looks along +y, down by `elevation`, turned by `roll` (radians)."""
+    """A pinhole camera, principal point central. Looks along +y, down by `elevation`, turned by `roll` (radians)."""
 
     elevation: float
     roll: float
@@ -129,11 +129,12 @@ def spline(knots: Array, n: int) -> Array:
 def saucer_profile() -> Array:
     """The saucer's closed section, (n, 2) of radius and height, from the middle of its top, over the rim, to the middle
     of its underside: a flat well, a ring that rises to a lip, and a foot on the table."""
-    top = spline(np.array([[0, 8], [12, 8], [22, 8], [26, 8.5], [34, 10.6], [44, 13.3], [52, 15.4], [56, 16.8], [58.3, 18]]), 60)
+    well = [[0, 8], [12, 8], [22, 8]]
+    top = spline(np.array([*well, [26, 8.5], [34, 10.6], [44, 13.3], [52, 15.4], [56, 16.8], [58.3, 18]]), 60)
     angles = np.linspace(np.radians(125), np.radians(-60), 13)
     lip = np.c_[58.9 + 1.1 * np.cos(angles), 17.5 + 1.1 * np.sin(angles)]
     under = spline(np.array([[58.6, 15.9], [52, 11.8], [44, 8.6], [38, 6.2], [35, 4.6]]), 24)
-    foot = np.array([[34.4, 3.6], [34.2, 1.2], [34.0, 0.5], [33.5, 0.1], [33.0, 0.0], [32.0, 0.0], [31.4, 0.2], [31.0, 0.8]])
+    foot = np.array([[34.4, 3.6], [34.2, 1.2], [34, 0.5], [33.5, 0.1], [33, 0], [32, 0], [31.4, 0.2], [31, 0.8]])
     inside = spline(np.array([[30.7, 1.8], [29.0, 3.0], [24.0, 3.4], [12.0, 3.4], [0.0, 3.4]]), 16)
     return np.r_[top[:-1], lip, under, foot, inside] * MM
 
@@ -160,17 +161,19 @@ class Handle:
         def lift(q: Array) -> Array:
             return q[:, :1] * radial + q[:, 1:] * up
 
-        return lift(curve) + self.aside * across, np.tile(across, (n, 1)), lift(np.c_[-along[:, 1], along[:, 0]]), lift(along)
+        outward = lift(np.c_[-along[:, 1], along[:, 0]])
+        return lift(curve) + self.aside * across, np.tile(across, (n, 1)), outward, lift(along)
 
 
 @dataclass(frozen=True)
 class Spoon:
-    """The spoon: where its axis lies in plan, how high its edge runs and how wide it is along the axis, metres."""
+    """The spoon: where its axis lies in plan, how high its edge runs and how wide it is either side, metres."""
 
     tip: tuple[float, float]  # x, y of the bowl's end
     azimuth: float  # radians, from the bowl's end to the handle's
     edge: tuple[tuple[float, float], ...]  # distance along the axis, height of the edge
-    width: tuple[tuple[float, float], ...]  # distance along the axis, half the width
+    left: tuple[tuple[float, float], ...]  # distance along the axis, width left of it
+    right: tuple[tuple[float, float], ...]
     bowl: tuple[float, float]  # the bowl's length and depth
 
     def edge_height(self, along: Array) -> Array:
@@ -207,17 +210,26 @@ HANDLE = Handle(
     aside=0.006418,
 )
 SPOON = Spoon(
-    tip=(0.026916, -0.034917),
-    azimuth=1.484065,
-    edge=((0.0, 0.0176), (0.02, 0.0186), (0.032, 0.0194), (0.06, 0.0202), (0.078, 0.0206), (0.094, 0.0222)),
-    width=(
-        (0.0, 0.0), (0.002, 0.00516), (0.00369, 0.00715), (0.00538, 0.00852), (0.00708, 0.00943), (0.00877,
-        0.01019), (0.01046, 0.0108), (0.01215, 0.01116), (0.01385, 0.0114), (0.01554, 0.01147), (0.01723,
-        0.01117), (0.01892, 0.01084), (0.02062, 0.01027), (0.02231, 0.00951), (0.024, 0.00819), (0.02569,
-        0.00622), (0.02738, 0.00412), (0.02908, 0.00273), (0.03077, 0.00193), (0.03246, 0.00174), (0.03415,
-        0.00164), (0.07098, 0.00285), (0.07301, 0.00294), (0.07505, 0.00302), (0.07708, 0.00315), (0.07911,
-        0.00322), (0.08111, 0.00345), (0.08311, 0.00363), (0.0851, 0.00373), (0.08704, 0.00391), (0.08897,
-        0.00389), (0.09085, 0.0035), (0.09224, 0.00231), (0.09303, 0.00077), (0.09321, 0.0),
+    tip=(0.026917, -0.035064),
+    azimuth=1.484331,
+    edge=((0.0, 0.018), (0.02, 0.0187), (0.032, 0.0192), (0.06, 0.0195), (0.08, 0.0195), (0.094, 0.0208)),
+    left=(
+        (0.0, 0.0), (0.002, 0.00584), (0.00369, 0.00784), (0.00538, 0.00906), (0.00708, 0.00974), (0.00877, 0.01044),
+        (0.01046, 0.01101), (0.01215, 0.01125), (0.01385, 0.01141), (0.01554, 0.01144), (0.01723, 0.01122),
+        (0.01892, 0.01077), (0.02062, 0.01005), (0.02231, 0.00923), (0.024, 0.0079), (0.02569, 0.00589),
+        (0.02738, 0.00396), (0.02908, 0.0026), (0.03077, 0.00167), (0.03246, 0.00174), (0.03415, 0.00165),
+        (0.07185, 0.00287), (0.07392, 0.00304), (0.07599, 0.0032), (0.07806, 0.00342), (0.08012, 0.00358),
+        (0.08215, 0.00393), (0.08418, 0.00422), (0.08619, 0.00443), (0.08814, 0.00474), (0.09007, 0.00482),
+        (0.09113, 0.00487), (0.09281, 0.004), (0.09385, 0.00255), (0.09431, 0.00091), (0.09441, 0.0),
+    ),
+    right=(
+        (0.0, 0.0), (0.002, 0.00474), (0.00369, 0.00662), (0.00538, 0.00808), (0.00708, 0.00918), (0.00877, 0.00997),
+        (0.01046, 0.01061), (0.01215, 0.01107), (0.01385, 0.01139), (0.01554, 0.01149), (0.01723, 0.01112),
+        (0.01892, 0.01094), (0.02062, 0.01056), (0.02231, 0.00991), (0.024, 0.00876), (0.02569, 0.00701),
+        (0.02738, 0.00477), (0.02908, 0.00312), (0.03077, 0.00228), (0.03246, 0.00181), (0.03415, 0.00161),
+        (0.07185, 0.00284), (0.07392, 0.00294), (0.07599, 0.00302), (0.07806, 0.00315), (0.08012, 0.00322),
+        (0.08215, 0.00346), (0.08418, 0.00363), (0.08619, 0.00373), (0.08814, 0.00391), (0.09007, 0.0039),
+        (0.09196, 0.0035), (0.09334, 0.00232), (0.09414, 0.00077), (0.09441, 0.0),
     ),
     bowl=(0.034, 0.006),
 )
