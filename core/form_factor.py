@@ -6,8 +6,9 @@ d the light's centre and e_i the corner's offset from it, and with w_i = gamma_i
 
     sum_i w_i v_i x v_i+1  =  sum_i (w_i - 1/W) d x (e_i+1 - e_i)  +  sum_i w_i e_i x e_i+1
 
-because the edges of a closed polygon add up to zero. W w_i - 1 is small for a far light and is computed as expm1 of a
-sum of log1p's, so nothing cancels. W = |d|^2 + |a|^2 + |b|^2 (a, b: the half sides) serves near lights as well.
+because the edges of a closed polygon add up to zero. With W = |d|^2 + |a|^2 + |b|^2 (a, b: the half sides) W w_i - 1 is
+small for a far light and is computed as expm1 of a sum of log1p's, so nothing cancels. A near light, for which it is
+not small, keeps Lambert's own sum: W is infinite there.
 
 The part of the rectangle below the receiver's horizon is clipped away and the polygon closed along the horizon. The
 integrand is zero on the horizon, so moving that edge changes nothing to first order: derivatives hold the clipped
@@ -91,12 +92,13 @@ class _Polygon:
         self.angle = np.arctan2(self.sine_part, self.cosine_part)
         length = np.log1p(np.maximum(self.x0, _BARELY_ABOVE)) + np.log1p(np.maximum(self.x1, _BARELY_ABOVE))
         self.excess = np.expm1(_log_over_sine(self.angle) - 0.5 * length)
+        self.kept = self.excess + (self.square > _dot(self.d, self.d))  # W w_i - 1, or W w_i where the light is near
         # A side seen from behind turns the polygon's sense; only receivers in front of the light see it shine.
         self.front = d[2] > 0.0
 
     def _irradiance(self) -> Array:
         """(3, N): the vector whose dot product with the normal is 2 pi F."""
-        edges = (self.excess * self.moment + (1.0 + self.excess) * self.area) / self.reference
+        edges = (self.kept * self.moment + (1.0 + self.excess) * self.area) / self.reference
         return edges.sum(axis=1)
 
     def value(self) -> Array:
@@ -114,9 +116,9 @@ class _Polygon:
         slope = _log_over_sine_slope(self.angle)  # d log(angle / sin angle) / d angle, over sin angle
         by_cross = (by_log * slope * np.cos(self.angle) / lengths) * self.cross
         by_cosine = -by_log * slope * np.sin(self.angle) ** 2 / np.sqrt(lengths)
-        by_moment = (self.excess / w) * n + by_cross
+        by_moment = (self.kept / w) * n + by_cross
         by_area = ((1.0 + self.excess) / w) * n + by_cross
-        by_w = -(self.excess * m + (1.0 + self.excess) * k) / w**2
+        by_w = -(self.kept * m + (1.0 + self.excess) * k) / w**2
 
         by_d = _cross(self.delta, by_moment) + by_cosine * (2 * d + e0 + e1)
         by_d += (by_x0 * (2 * e0 - 2 * self.x0 * d) + by_x1 * (2 * e1 - 2 * self.x1 * d)) / w + 2 * by_w * d
