@@ -18,7 +18,6 @@ from core.reflectance import (
     phong,
     phong_lobe,
     plausible_phong,
-    principled,
     torrance_sparrow,
 )
 
@@ -195,13 +194,7 @@ def test_the_coat_takes_what_the_base_does_not_get():
     assert coat_albedo(1.0, 0.1) == pytest.approx(0.04, abs=1e-3)  # a smooth one: Fresnel alone
     assert coat_albedo(0.2, 0.1) == pytest.approx(float(dielectric(0.2, 1.5)), abs=0.02)
     assert np.all(np.diff(coat_albedo(np.linspace(0.05, 1, 20), 0.3)) < 0)
-
-
-@pytest.mark.parametrize("roughness", [0.1, 0.5, 1.0])
-def test_white_principled_conserves_energy(roughness):
-    towards = np.array([0.1, 0.5, 1.0])
-    albedo = directional_albedo(lambda n, i, e: principled(n, i, e, 1.0, roughness), towards, 0.5, nodes=96)
-    assert np.all(albedo <= 1.01) and np.all(albedo > 0.95)
+    assert coat_albedo(np.ones((2, 3)), 0.3).shape == (2, 3)
 
 
 def test_the_coat_of_blenders_settings():
