@@ -33,7 +33,8 @@ def main(arguments: list[str]) -> int:
 
     import pytest
 
-    code = pytest.main(["-p", "no:cacheprovider", *pytest_arguments])
+    # Blender 4.3 tells every step of a render on stdout
+    code = pytest.main(["-p", "no:cacheprovider", "--show-capture=stderr", *pytest_arguments])
     addon_utils.disable(MODULE)  # Blender 4.5 as a module hangs at exit on a class left registered
     return int(code)
 
