@@ -87,50 +87,32 @@ def fit_surface(
     near : (H, W) a first guess where the fit is wanted, NaN elsewhere; the measurements themselves if left out
     """
     near = inverse_depth if near is None else near
-    wanted, known = np.isfinite(near), np.isfinite(inverse_depth)
-    centre, measured = np.where(wanted, near, 0.0), np.where(known, inverse_depth, 0.0)
+    row, column = np.nonzero(np.isfinite(near))
+    centre = near[row, column]
+    padded = np.pad(inverse_depth, radius, constant_values=np.nan)
     powers = [(0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2)][: 3 * degree]
     size = len(powers)
-    fit = np.zeros((size, *centre.shape))
-    offsets = [
-        (x, y)
-        for y in range(-radius, radius + 1)
-        for x in range(-radius, radius + 1)
-        if x * x + y * y <= radius * radius
-    ]
     # A slight pull towards a level surface decides where too few neighbours do.
-    pull = np.diag([0.0, 1e-3, 1e-3, *[1e-3 * radius**2] * 3][:size])
+    pull = np.diag([1e-9, 1e-3, 1e-3, *[1e-3 * radius**2] * 3][:size])
+    disc = range(-radius, radius + 1)
+    fit = np.zeros((len(centre), size))
     for robust in (False, True):
-        moments = np.zeros((size, size, *centre.shape))
-        sums = np.zeros((size, *centre.shape))
-        for x, y in offsets:
-            here, there = _shifted(centre.shape, x, y)
-            difference = measured[there] - centre[here]
-            one_surface = np.abs(difference) < jump * max(abs(x), abs(y), 1) * centre[here]
-            weight = np.exp(-(x * x + y * y) / (0.5 * radius * radius)) * (one_surface & known[there])
+        moments = np.tile(pull, (len(centre), 1, 1))
+        sums = np.zeros((len(centre), size))
+        for x, y in ((x, y) for y in disc for x in disc if x * x + y * y <= radius * radius):
+            difference = padded[row + radius + y, column + radius + x] - centre
+            use = np.flatnonzero(np.abs(difference) < jump * max(abs(x), abs(y), 1) * centre)  # never NaN ones
+            difference = difference[use]
             basis = np.array([float(x) ** i * float(y) ** j for i, j in powers])
+            weight = np.full(len(use), np.exp(-(x * x + y * y) / (0.5 * radius * radius)))
             if robust:
-                left = difference - np.tensordot(basis, fit[(slice(None), *here)], axes=1)
-                weight = weight / (1.0 + (left / (3.0 * noise)) ** 2) ** 2
-            for row in range(size):
-                sums[(row, *here)] += basis[row] * weight * difference
-                for column in range(row, size):
-                    moments[(row, column, *here)] += basis[row] * basis[column] * weight
-        matrix = np.moveaxis(moments, (0, 1), (-2, -1)) + pull
-        lower = np.tril_indices(size, -1)
-        matrix[(..., *lower)] = matrix.swapaxes(-1, -2)[(..., *lower)]
-        matrix[moments[0, 0] == 0] = np.eye(size)
-        fit = np.moveaxis(np.linalg.solve(matrix, np.moveaxis(sums, 0, -1)[..., None])[..., 0], -1, 0)
-    parts = (centre + fit[0], fit[1], fit[2])
-    return PlaneFits(*(np.where(wanted, part, np.nan) for part in parts))
-
-
-def _shifted(shape: tuple[int, ...], x: int, y: int) -> tuple[tuple[slice, slice], tuple[slice, slice]]:
-    """Slices of the pixels that have a neighbour at offset (x, y), and of those neighbours."""
-    height, width = shape
-    here = np.s_[max(0, -y) : height - max(0, y), max(0, -x) : width - max(0, x)]
-    there = np.s_[max(0, y) : height + min(0, y), max(0, x) : width + min(0, x)]
-    return here, there
+                weight /= (1.0 + ((difference - fit[use] @ basis) / (3.0 * noise)) ** 2) ** 2
+            moments[use] += weight[:, None, None] * np.outer(basis, basis)
+            sums[use] += (weight * difference)[:, None] * basis
+        fit = np.linalg.solve(moments, sums[..., None])[..., 0]
+    parts = np.full((3, *near.shape), np.nan)
+    parts[:, row, column] = centre + fit[:, 0], fit[:, 1], fit[:, 2]
+    return PlaneFits(*parts)
 
 
 def fill_holes(fits: PlaneFits, guide: Array, reach: float) -> PlaneFits:
