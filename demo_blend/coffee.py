@@ -81,9 +81,11 @@ def add_camera(scene: bpy.types.Scene) -> bpy.types.Camera:
 
 def add_photo(camera: bpy.types.Camera) -> None:
     """The photo, packed, behind the scene in the camera's view."""
-    image = bpy.data.images.load(str(PHOTO))
-    image.pack()
-    image.filepath_raw = "//coffee.png"  # no path of the machine that built the file
+    png = PHOTO.read_bytes()
+    image = bpy.data.images.new("coffee.png", WIDTH, HEIGHT)
+    image.filepath_raw = "//coffee.png"  # no path of the machine that builds the file
+    image.pack(data=png, data_len=len(png))
+    image.source = "FILE"
     background = camera.background_images.new()
     background.image, background.alpha, background.display_depth = image, 1.0, "BACK"
     camera.show_background_images = True
