@@ -51,7 +51,7 @@ class Job:
         manager = context.window_manager
         self._steps = self.steps(context)
         self._timer = manager.event_timer_add(0.01, window=context.window)
-        manager.reshade.running = self.bl_idname
+        manager.reshade.running = type(self).__name__
         manager.modal_handler_add(self)
         return {"RUNNING_MODAL"}
 

@@ -74,7 +74,7 @@ class RESHADE_PT_light(_Step, bpy.types.Panel):
         column.use_property_decorate = False
         column.prop(choices, "quality")
         column.prop(choices, "model")
-        _button(layout, context, RESHADE_OT_estimate_light.bl_idname, "LIGHT_AREA")
+        _button(layout, context, RESHADE_OT_estimate_light, "LIGHT_AREA")
         found = choices.found()
         if found:
             for light in found["lights"]:
@@ -91,7 +91,7 @@ class RESHADE_PT_materials(_Step, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         """The button, and the colours that were found."""
         layout = self.layout
-        _button(layout, context, RESHADE_OT_solve_materials.bl_idname, "MATERIAL")
+        _button(layout, context, RESHADE_OT_solve_materials, "MATERIAL")
         found = context.scene.reshade.found()
         if found:
             column = layout.column(align=True)
@@ -142,7 +142,7 @@ class RESHADE_PT_reshade(_Step, bpy.types.Panel):
         column.use_property_split = True
         column.use_property_decorate = False
         column.prop(choices, "samples")
-        _button(layout, context, RESHADE_OT_reshade.bl_idname, "SHADING_RENDERED")
+        _button(layout, context, RESHADE_OT_reshade, "SHADING_RENDERED")
         if choices.reshaded:
             preview = choices.reshaded.preview
             if preview:
@@ -150,16 +150,18 @@ class RESHADE_PT_reshade(_Step, bpy.types.Panel):
             layout.operator(RESHADE_OT_save_reshaded.bl_idname, icon="EXPORT")
 
 
-def _button(layout: bpy.types.UILayout, context: bpy.types.Context, operator: str, icon: str) -> None:
+def _button(
+    layout: bpy.types.UILayout, context: bpy.types.Context, operator: type[bpy.types.Operator], icon: str
+) -> None:
     """A step's button; while it runs, how far it is."""
     state = context.window_manager.reshade
-    if state.running == operator:
+    if state.running == operator.__name__:
         layout.progress(factor=state.fraction, text=state.message)
         _text(layout, context, "Esc cancels and leaves the scene as it was.", "NONE")
         return
     row = layout.row()
     row.scale_y = BIG
-    row.operator(operator, icon=icon)
+    row.operator(operator.bl_idname, icon=icon)
 
 
 def _light(layout: bpy.types.UILayout, context: bpy.types.Context, light: dict[str, Any]) -> None:

@@ -60,7 +60,7 @@ class SceneReshade(bpy.types.PropertyGroup):
 class WindowManagerReshade(bpy.types.PropertyGroup):
     """The computation under way."""
 
-    running: StringProperty(options={"SKIP_SAVE"})  # identifier of the operator
+    running: StringProperty(options={"SKIP_SAVE"})  # class of the operator
     fraction: FloatProperty(min=0.0, max=1.0, options={"SKIP_SAVE"})
     message: StringProperty(options={"SKIP_SAVE"})
 

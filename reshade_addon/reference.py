@@ -30,6 +30,12 @@ def store(scene: bpy.types.Scene) -> None:
     scene.reshade.reference = text
 
 
+def forget(scene: bpy.types.Scene) -> None:
+    """Drop the scene's reference state, if it has one."""
+    if scene.reshade.reference is not None:
+        bpy.data.texts.remove(scene.reshade.reference)
+
+
 def has(scene: bpy.types.Scene) -> bool:
     """Whether the scene has a reference state."""
     text = scene.reshade.reference

@@ -67,11 +67,12 @@ def _alike(scene: bpy.types.Scene, before: bpy.types.Scene, size: tuple[int, int
         stack.enter_context(
             settings(one.render, resolution_x=size[0], resolution_y=size[1], pixel_aspect_x=1.0, pixel_aspect_y=1.0)
         )
-    same = {
-        prop.identifier: getattr(scene.cycles, prop.identifier)
-        for prop in scene.cycles.bl_rna.properties
-        if not prop.is_readonly and not getattr(prop, "is_deprecated", False)
-    }
+    same = {}
+    for prop in scene.cycles.bl_rna.properties:
+        value = getattr(scene.cycles, prop.identifier)
+        # An enum without a value is one this build of Blender offers no choice for.
+        if not (prop.is_readonly or getattr(prop, "is_deprecated", False) or (prop.type == "ENUM" and value == "")):
+            same[prop.identifier] = value
     stack.enter_context(settings(before.cycles, **same))
     return stack
 

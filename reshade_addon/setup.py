@@ -7,7 +7,7 @@ import numpy as np
 from mathutils import Matrix
 
 from ..core.types import Camera
-from . import fspy, scene_write
+from . import fspy, reference, scene_write
 from .geometry import SOLID
 from .projection import projection_group
 from .scene_read import perspective_camera, read_camera
@@ -30,7 +30,7 @@ def set_photo(scene: bpy.types.Scene, image: bpy.types.Image) -> None:
     scene_write.write_photo(scene, camera, image)
     scene.reshade.photo = image
     scene.reshade.report = ""
-    scene.reshade.reference = None
+    reference.forget(scene)
     project_photo(scene, scene.objects)
 
 
