@@ -52,7 +52,8 @@ def main(argv: Sequence[str]) -> int:
     except KeyboardInterrupt:
         code, said = INTERRUPTED, "Interrupted; nothing was written."
     finally:
-        signal.signal(signal.SIGINT, before)
+        if before is not None:  # None: a handler of Blender's own, which Python cannot put back
+            signal.signal(signal.SIGINT, before)
     print(said if code == 0 else f"reshade: {said}", file=sys.stdout if code == 0 else sys.stderr, flush=True)
     return code
 

@@ -46,7 +46,8 @@ def unpacked(data: bytes) -> Iterator[SceneCopy]:
             path.write_bytes(data)
             with bpy.data.libraries.load(str(path), link=False) as (found, wanted):
                 objects, materials = list(found.objects), list(found.materials)
-                wanted.scenes, wanted.objects, wanted.materials = list(found.scenes), objects, materials
+                # Blender puts what it loaded in place of the names in the lists it is given
+                wanted.scenes, wanted.objects, wanted.materials = list(found.scenes), list(objects), list(materials)
         yield SceneCopy(
             scene=wanted.scenes[0],
             objects=dict(zip(objects, wanted.objects, strict=True)),
