@@ -1,6 +1,6 @@
 """Run by a real Blender with a screen: opens the sidebar on the Reshade tab, photographs it, checks it, quits.
 
-    blender --python tools/sidebar_picture.py -- PICTURE.png
+    blender SCENE.blend --python tools/sidebar_picture.py -- PICTURE.png
 
 Blender draws between the ticks of a timer, so each step waits for the next. Blender's own screenshot comes out black
 without a compositor; ImageMagick's `import` takes what is on the screen.
@@ -26,6 +26,7 @@ def steps(picture: str) -> Iterator[None]:
     window = bpy.context.window_manager.windows[0]
     area = next(area for area in window.screen.areas if area.type == "VIEW_3D")
     area.spaces.active.show_region_ui = True
+    area.spaces.active.region_3d.view_perspective = "CAMERA"
     yield
     sidebar = next(region for region in area.regions if region.type == "UI")
     sidebar.active_panel_category = TAB
