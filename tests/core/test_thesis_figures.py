@@ -1,4 +1,4 @@
-"""Figures 4.6, 4.7 and 4.8 of the thesis: where reflection from the XZ plane has its maximum.
+"""Figures 4.6, 4.7 and 4.8 of the thesis, and equation 4.4: where reflection has its maximum.
 
 The thesis's source is 2 l by 2 w. Only figure 4.6 gives its size (l = 10, w = 2). Found here for the others:
 4.7 : half sides of 10. The maxima round to those printed and the origin reflects 92.25 %, printed as 92.2; half sides
@@ -10,7 +10,7 @@ The thesis's source is 2 l by 2 w. Only figure 4.6 gives its size (l = 10, w = 2
 import numpy as np
 import pytest
 
-from core.form_factor import form_factor
+from core.form_factor import form_factor, form_factor_gradient
 from core.reflectance import phong, plausible_phong
 from core.specular_area import phong_exact, reflected
 from core.types import AreaLight
@@ -55,6 +55,30 @@ def test_figure_4_6():
     a, b = 10 / 10, 2 / 10
     quarter = a / np.hypot(1, a) * np.arctan(b / np.hypot(1, a)) + b / np.hypot(1, b) * np.arctan(a / np.hypot(1, b))
     assert diffuse(source, 0.0) == pytest.approx(4 * quarter / (2 * np.pi), rel=1e-12)
+
+
+def test_equation_4_4_is_critical_where_the_source_faces_the_point():
+    """Neither a turn nor a step at the same distance changes the form factor to first order; a step nearer does."""
+    gradient = form_factor_gradient(light((0, 10, 0), X, -Y, 20.0, 4.0), *on_plane(0.0))
+    np.testing.assert_allclose(gradient.rotation, 0, atol=1e-15)
+    np.testing.assert_allclose(gradient.centre[0, :2], 0, atol=1e-15)
+    assert np.abs(gradient.centre[0, 2]) > 1e-3
+
+
+@pytest.mark.parametrize(("half_sides", "is_maximum"), [((1, 1), True), ((5, 5), True), ((10, 2), False)])
+def test_that_this_is_the_global_maximum_holds_for_small_sources_only(half_sides, is_maximum):
+    """The thesis says it always is. But a source as long as figure 4.6's can turn one end towards the point."""
+    rng = np.random.default_rng(0)
+    size = 2 * np.array(half_sides, float)
+    facing = diffuse(light((0, 10, 0), X, -Y, *size), 0.0)
+    others = []
+    for _ in range(4000):
+        axes, _ = np.linalg.qr(rng.normal(size=(3, 3)))
+        centre = rng.normal(size=3)
+        centre *= 10 / np.linalg.norm(centre)
+        made = AreaLight(centre, axes[:, 0], axes[:, 1], size, np.ones(3))
+        others.append(form_factor(made, *on_plane(0.0))[0])
+    assert bool(max(others) < facing) is is_maximum
 
 
 def inclined(half_side):
