@@ -117,6 +117,20 @@ def test_only_shape_matters(scale):
     np.testing.assert_allclose(phong_exact(larger, points * scale, normals, views, 20), expected, atol=1e-12)
 
 
+@pytest.mark.parametrize("exponent", [5, 6, 100, 101])
+@pytest.mark.parametrize("distance", [1e4, 1e7])
+def test_a_far_light_is_a_point(distance, exponent):
+    light = AreaLight(
+        np.array([0.1, 0, 1]) * distance, np.array([1.0, 0, 0]), np.array([0, 1.0, 0]), np.array([1, 0.5]), np.ones(3)
+    )
+    here, view = np.zeros((1, 3)), np.array([[-0.05, 0.02, 1.0]]) / np.linalg.norm([-0.05, 0.02, 1.0])
+    r = np.linalg.norm(light.centre)
+    expected = 0.5 * distance / r**3 * phong(UP, light.centre[None] / r, view, exponent)
+    quadrature = reflected(light, here, UP, view, lambda n, i, e: phong(n, i, e, exponent), 0.1).value
+    np.testing.assert_allclose(quadrature, expected, rtol=1e-7)
+    np.testing.assert_allclose(phong_exact(light, here, UP, view, exponent), expected, rtol=1e-7 * distance / 1e4)
+
+
 def test_no_points_no_values():
     nothing = np.zeros((0, 3))
     assert reflected(overhead(), nothing, nothing, nothing, lambert, 1.0).value.shape == (0,)
