@@ -11,11 +11,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .light_problem import Problem, State, cost, expected_residual, negative_log_likelihood, normal_equations
+from .light_problem import (
+    WIDEST_PROBE,
+    Problem,
+    State,
+    cost,
+    expected_residual,
+    negative_log_likelihood,
+    normal_equations,
+)
 from .lights import coordinates, moved, reach_of
 from .types import Array, Light
 
 _LARGEST_STEP = 0.5  # in the coordinates of `moved`
+_PROBE_UNIT = 0.02  # of a step: shadows are probed that much farther for each
 _LARGEST_LOG_STEP = 2.0  # of a strength
 
 
@@ -78,7 +87,9 @@ def _stepped(problem: Problem, state: State, matrix: Array, slope: Array, dampin
     geometry = step[:size] * min(1.0, _LARGEST_STEP / max(np.abs(step[:size]).max(), 1e-300))
     light = moved(state.light, geometry, reach_of(state.light, problem.middle))
     log_c = state.log_c + np.clip(step[size:-1], -_LARGEST_LOG_STEP, _LARGEST_LOG_STEP)
-    return problem.state(light, log_c, max(state.ambient + step[-1], 0.0) if problem.with_ambient else 0.0)
+    ambient = max(state.ambient + step[-1], 0.0) if problem.with_ambient else 0.0
+    probe = float(np.clip(np.abs(geometry).max() / _PROBE_UNIT, max(0.5 * state.probe, 1.0), WIDEST_PROBE))
+    return problem.state(light, log_c, ambient, probe)
 
 
 def _result(problem: Problem, state: State, iterations: int, converged: bool) -> LightFit:

@@ -14,8 +14,9 @@ from .lights import coordinates, moved, reach_of, shading, shading_gradient
 from .types import Array, Light, Samples, Visible
 from .visibility import settled, visible_fraction
 
-# Steps for the derivative of visibility, in the coordinates of `moved`: wide enough to move a shadow by a pixel.
+# Smallest steps for the derivative of visibility, in the coordinates of `moved`: they move a shadow by about a pixel.
 _VISIBILITY_STEP = {8: np.array([0.02] * 3 + [0.03] * 3 + [0.1] * 2), 3: np.array([0.02] * 3), 2: np.array([0.02] * 2)}
+WIDEST_PROBE = 5.0  # times that: as far as a shadow is looked for from where it is
 _NO_STRENGTH = 1e-300  # of a surface that the light does not reach
 _SMALLEST_SPREAD = 1e-4  # of the median brightness
 _LOSS_SCALE = 1.5  # of the expected residual: beyond it a residual counts by its size, not its square
@@ -35,6 +36,7 @@ class State:
     shade: Array  # (N,) unoccluded shading of a unit light
     share: Array  # (N,) visible fraction
     known: Array | None  # (N,) from `visibility.settled`
+    probe: float  # how far shadows are probed, in smallest steps
 
     def direct(self, samples: Samples) -> Array:
         """Direct radiance (N,) of each sample."""
@@ -60,29 +62,30 @@ class Problem:
     hidden: Hidden
     with_ambient: bool = True
 
-    def settled(self, light: Light) -> Array | None:
-        """Samples whose visible fraction is known wherever near `light` the light may be; None without shadows."""
+    def settled(self, light: Light, probe: float) -> Array | None:
+        """Samples whose visible fraction is known wherever a probe may move `light` to; None without shadows."""
         if self.visible is None:
             return None
-        return settled(light, self.samples, self.visible, self.far, reach_of(light, self.middle))
+        margin = max(0.06, 1.2 * 0.02 * probe) * reach_of(light, self.middle)
+        return settled(light, self.samples, self.visible, self.far, margin)
 
-    def share(self, light: Light, known: Array | None, rays: int) -> Array:
+    def share(self, light: Light, known: Array | None) -> Array:
         """Visible fraction (N,); `known` from `settled`."""
         if self.visible is None:
             return np.ones(len(self.samples))
-        return visible_fraction(light, self.samples, self.visible, rays, self.far, known)
+        return visible_fraction(light, self.samples, self.visible, self.rays, self.far, known)
 
     def start(self, light: Light) -> State:
         """The state of a light whose strengths and ambient are not known yet: their linear solution."""
-        state = self.state(light, np.zeros(len(self.samples.names)), 0.0)
+        state = self.state(light, np.zeros(len(self.samples.names)), 0.0, WIDEST_PROBE)
         strength, ambient = linear_start(self, state.shade * state.share)
         return replace(state, log_c=np.log(np.maximum(strength, _NO_STRENGTH)), ambient=ambient)
 
-    def state(self, light: Light, log_c: Array, ambient: float) -> State:
-        """The state of a light with given strengths and ambient."""
+    def state(self, light: Light, log_c: Array, ambient: float, probe: float) -> State:
+        """The state of a light with given strengths and ambient; `probe` as in `State`."""
         shade = shading(light, self.samples.point, self.samples.normal)
-        known = self.settled(light)
-        return State(light, log_c, ambient, shade, self.share(light, known, self.rays), known)
+        known = self.settled(light, probe)
+        return State(light, log_c, ambient, shade, self.share(light, known), known, probe)
 
 
 def brightness(samples: Samples) -> Array:
@@ -169,16 +172,15 @@ def model_jacobian(problem: Problem, state: State) -> Array:
 
 
 def _visibility_slope(problem: Problem, state: State, reach: float) -> Array:
-    """(N, P) forward differences of the visible fraction, over steps that move a shadow by about a pixel.
+    """(N, P) forward differences of the visible fraction.
 
-    A quarter of the rays is enough: every sample of a penumbra speaks on every coordinate.
+    The probe is as wide as the fit's own steps: a shadow that is not where the photo has it meets it no sooner.
+    Fewer rays than the model's own are no saving: the fit then stops early, far from where it should.
     """
-    rays = max(problem.rays // 4, 8)
-    here = problem.share(state.light, state.known, rays)
     columns = []
-    for step in np.diag(_VISIBILITY_STEP[coordinates(state.light)]):
-        there = problem.share(moved(state.light, step, reach), state.known, rays)
-        columns.append((there - here) / step.sum())
+    for step in np.diag(state.probe * _VISIBILITY_STEP[coordinates(state.light)]):
+        there = problem.share(moved(state.light, step, reach), state.known)
+        columns.append((there - state.share) / step.sum())
     return np.stack(columns, axis=1)
 
 

@@ -58,7 +58,7 @@ class _Effort:
 
 _EFFORTS = {
     "draft": _Effort(1500, 400, 24, 200, 80, 3, 1),
-    "standard": _Effort(4000, 800, 48, 300, 160, 6, 2),
+    "standard": _Effort(4000, 800, 64, 300, 160, 6, 2),
     "accurate": _Effort(10000, 2500, 144, 500, 320, 8, 3),
 }
 QUALITIES = tuple(_EFFORTS)

@@ -10,7 +10,6 @@ from .lights import across
 from .types import AreaLight, Array, Light, PointLight, Samples, SunLight, Visible
 
 _PLASTIC = 1.32471795724474602596  # root of x^3 = x + 1: the R2 low-discrepancy sequence
-_MARGIN = 0.06  # of the reach: how far a light may move before samples thought settled are asked again
 _PROBES = 24  # rays a sample to find out whether it is settled
 
 
@@ -51,13 +50,13 @@ def visible_fraction(
     return share
 
 
-def settled(light: Light, samples: Samples, visible: Visible, far: float, reach: float) -> Array:
-    """Find the samples that are fully lit (1) or fully shadowed (0) wherever near `light` the light may be.
+def settled(light: Light, samples: Samples, visible: Visible, far: float, margin: float) -> Array:
+    """Find the samples that are fully lit (1) or fully shadowed (0) wherever within `margin` metres the light may be.
 
     Returns (N,), NaN where the sample lies in a penumbra, or would once the light moves a little. Few samples do, so
     the rays saved here are spent on them.
     """
-    target = _around(light, samples, far, reach)
+    target = _around(light, samples, far, margin)
     start = samples.point + samples.lift * samples.normal
     above = np.einsum("ijk,ik->ij", target - samples.point[:, None], samples.normal) > 0
     arrives = _cast(start, target, above, visible)
@@ -66,19 +65,19 @@ def settled(light: Light, samples: Samples, visible: Visible, far: float, reach:
     return np.where(lit, 1.0, np.where(arrives.any(axis=1), np.nan, 0.0))
 
 
-def _around(light: Light, samples: Samples, far: float, reach: float) -> Array:
+def _around(light: Light, samples: Samples, far: float, margin: float) -> Array:
     """(N, _PROBES, 3) points all over a light grown by the margin."""
     at = pattern(len(samples), _PROBES) - 0.5
     match light:
         case AreaLight():
-            width, height = 1.2 * light.size + 2 * _MARGIN * reach
+            width, height = 1.2 * light.size + 2 * margin
             return light.centre + at @ np.stack([width * light.u, height * light.v])
         case PointLight():
             u, v = across(light.centre - samples.point.mean(axis=0))
-            return light.centre + 2 * _MARGIN * reach * (at @ np.stack([u, v]))
+            return light.centre + 2 * margin * (at @ np.stack([u, v]))
         case SunLight():
             u, v = across(light.normal)
-            return (samples.point - far * light.normal)[:, None] + 2 * _MARGIN * far * (at @ np.stack([u, v]))
+            return (samples.point - far * light.normal)[:, None] + 2 * margin * far * (at @ np.stack([u, v]))
 
 
 def openness(samples: Samples, visible: Visible, rays: int, far: float) -> Array:
