@@ -15,6 +15,7 @@ from collections.abc import Iterator
 import bpy
 
 TICK = 0.5  # seconds
+RENDERING = 30  # ticks, for Cycles to draw the view
 TAB = "Reshade"
 LEAST_TEXT = 500  # light pixels in the sidebar left of its tabs; a panel that failed to draw is one title
 TABS_WIDTH = 30  # pixels
@@ -26,14 +27,19 @@ def steps(picture: str) -> Iterator[None]:
     window = bpy.context.window_manager.windows[0]
     area = next(area for area in window.screen.areas if area.type == "VIEW_3D")
     area.spaces.active.show_region_ui = True
-    area.spaces.active.region_3d.view_perspective = "CAMERA"
+    view = area.spaces.active.region_3d
+    view.view_perspective = "CAMERA"
+    view.view_camera_zoom = 12
+    view.view_camera_offset = (0.08, 0.0)  # out from under the sidebar
+    bpy.context.scene.camera.data.passepartout_alpha = 0.95
+    area.spaces.active.shading.type = "RENDERED"
     yield
     sidebar = next(region for region in area.regions if region.type == "UI")
     sidebar.active_panel_category = TAB
     area.tag_redraw()
     yield
     assert sidebar.active_panel_category == TAB, "there is no such tab"
-    yield
+    yield from [None] * RENDERING
     subprocess.run(["import", "-window", "root", picture], check=True, timeout=60)
     top = window.height - sidebar.y - sidebar.height
     crop = f"{sidebar.width - TABS_WIDTH}x{sidebar.height}+{sidebar.x}+{top}"
