@@ -88,13 +88,13 @@ class Chroot:
         ready.touch()
 
     def install(self, zip_path: Path) -> None:
-        """The tests, and the extension from its zip, in an empty profile."""
+        """The tests and what they read, and the extension from its zip, in an empty profile."""
         shutil.rmtree(self.work, ignore_errors=True)
         self.work.mkdir()
-        shutil.copytree(ROOT / "tests", self.work / "tests", ignore=shutil.ignore_patterns("__pycache__"))
+        for folder in ("tests", "demo_blend"):
+            shutil.copytree(ROOT / folder, self.work / folder, ignore=shutil.ignore_patterns("__pycache__"))
         photo = Path(skimage.__file__).parent / "data" / "coffee.png"
-        scene = ROOT / "demo_blend" / "coffee.blend"
-        for path in (ROOT / "pyproject.toml", ROOT / "tools" / "sidebar_picture.py", zip_path, photo, scene):
+        for path in (ROOT / "pyproject.toml", ROOT / "tools" / "sidebar_picture.py", zip_path, photo):
             shutil.copy(path, self.work)
         self.check(
             "blender", "--command", "extension", "install-file", "-r", "user_default", "-e", zip_path.name, seconds=120
@@ -119,7 +119,7 @@ class Chroot:
         """The light of the coffee photo by the command line, into lit.blend."""
         # saved again first: the command refuses a file from a newer Blender, as it should
         save = "import bpy; bpy.ops.wm.save_as_mainfile(filepath='scene.blend')"
-        self.check("blender", "--background", "coffee.blend", "--python-expr", save, seconds=60)
+        self.check("blender", "--background", "demo_blend/coffee.blend", "--python-expr", save, seconds=60)
         self.check(
             *["blender", "--background", "--command", "reshade", "estimate", "--quality", "draft"],
             *["--scene", "scene.blend", "--photo", "coffee.png", "--output", "lit.blend"],
