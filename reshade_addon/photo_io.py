@@ -37,7 +37,7 @@ def read_photo(path: str | Path, linear: bool | None = None) -> Photo:
         bad = ~np.isfinite(stored).all(axis=-1)
         if bad.any():
             raise ReshadeError(
-                f"The photo '{name}' has {np.count_nonzero(bad)} pixels that are NaN or infinite",
+                f"The photo '{name}' has NaN or infinite values in {np.count_nonzero(bad)} of its pixels",
                 "Repair it in an image editor or export it again",
             )
     height, width = stored.shape[:2]
