@@ -148,7 +148,7 @@ def _take_start(scene: bpy.types.Scene, name: str) -> AreaLight:
     light = read_light(obj)
     if not isinstance(light, AreaLight):
         raise ReshadeError(f"The light '{name}' to start from is no area light", "Name an area light")
-    bpy.data.objects.remove(obj)
+    bpy.data.lights.remove(obj.data)  # and the object with it
     return light
 
 

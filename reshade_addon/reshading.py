@@ -70,8 +70,10 @@ def _alike(scene: bpy.types.Scene, before: bpy.types.Scene, size: tuple[int, int
     same = {}
     for prop in scene.cycles.bl_rna.properties:
         value = getattr(scene.cycles, prop.identifier)
-        # An enum without a value is one this build of Blender offers no choice for.
-        if not (prop.is_readonly or getattr(prop, "is_deprecated", False) or (prop.type == "ENUM" and value == "")):
+        # An enum without a value is one this build of Blender offers no choice for; the viewport's settings do not
+        # matter, and one of them cannot be set without a viewport.
+        unset = prop.type == "ENUM" and value == ""
+        if not (prop.is_readonly or getattr(prop, "is_deprecated", False) or unset or "preview" in prop.identifier):
             same[prop.identifier] = value
     stack.enter_context(settings(before.cycles, **same))
     return stack

@@ -162,5 +162,5 @@ def _write_lights(scene: bpy.types.Scene, lights: Sequence[Light]) -> list[bpy.t
     for number, light in enumerate(lights):
         objects.append(scene_write.write_light(scene, light, own[number] if number < len(own) else None))
     for obj in own[len(lights) :]:
-        bpy.data.objects.remove(obj)
+        bpy.data.lights.remove(obj.data)  # and the object with it
     return objects

@@ -97,6 +97,6 @@ def photographed(tabletop, lamp, load):
     obj = write.write_light(tabletop, lamp)
     write.write_world(tabletop, np.array([0.05, 0.05, 0.06]))
     picture = load("reshade_addon.progress").drain(load("reshade_addon.rendering").render(tabletop, 32))
-    bpy.data.objects.remove(obj)
+    bpy.data.lights.remove(obj.data)  # and the object with it
     tabletop.world = None
     return tabletop, picture
