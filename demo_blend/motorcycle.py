@@ -165,13 +165,15 @@ def build(path: Path) -> None:
         mesh = depth_mesh.pixel_mesh(measured.fits, links, part)
         first = (BIKE + GARAGE).index(names[0])
         directions = pinhole.local_directions(measured.camera, mesh.xy)
-        points = depth_mesh.in_world(directions, mesh.inverse_depth, measured.camera.to_world)
+        # A ray goes no deeper than the floor.
+        drop = -(directions @ measured.camera.to_world[2, :3])
+        floor = drop / (measured.camera.to_world[2, 3] - 1e-3)
+        front = np.maximum(mesh.inverse_depth, floor)
+        back = np.maximum(depth_mesh.back_inverse_depth(mesh, 1.0 / FOCAL, THICKEST), floor)
+        front, back = (depth_mesh.in_world(directions, depth, measured.camera.to_world) for depth in (front, back))
         index = label.ravel()[mesh.pixel] - first
-        blender.add_mesh(scene, name, points, mesh.quads, [made[n] for n in names], index)
-        back = depth_mesh.back_inverse_depth(mesh, 1.0 / FOCAL, THICKEST)
-        points = depth_mesh.in_world(directions, back, measured.camera.to_world)
-        points[:, 2] = np.maximum(points[:, 2], 1e-3)
-        hidden = blender.add_mesh(scene, f"{name}, unseen back", points, mesh.quads[:, ::-1], [made["unseen"]])
+        blender.add_mesh(scene, name, front, mesh.quads, [made[n] for n in names], index)
+        hidden = blender.add_mesh(scene, f"{name}, unseen back", back, mesh.quads[:, ::-1], [made["unseen"]])
         blender.shadow_only(hidden)
 
     # The floor goes on under and behind things, and out of the picture, as far as it may matter to a shadow or bounce.
