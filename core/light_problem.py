@@ -15,7 +15,12 @@ from .types import Array, Light, Samples, Visible
 from .visibility import settled, visible_fraction
 
 # Smallest steps for the derivative of visibility, in the coordinates of `moved`: they move a shadow by about a pixel.
-_VISIBILITY_STEP = {8: np.array([0.02] * 3 + [0.03] * 3 + [0.1] * 2), 3: np.array([0.02] * 3), 2: np.array([0.02] * 2)}
+# Sides are probed towards smaller ones: a light too large blurs all edges, and larger ones would tell it nothing.
+_VISIBILITY_STEP = {
+    8: np.array([0.02] * 3 + [0.03] * 3 + [-0.1] * 2),
+    3: np.array([0.02] * 3),
+    2: np.array([0.02] * 2),
+}
 WIDEST_PROBE = 5.0  # times that: as far as a shadow is looked for from where it is
 _NO_STRENGTH = 1e-300  # of a surface that the light does not reach
 _SMALLEST_SPREAD = 1e-4  # of the median brightness
@@ -172,7 +177,7 @@ def model_jacobian(problem: Problem, state: State) -> Array:
 
 
 def _visibility_slope(problem: Problem, state: State, reach: float) -> Array:
-    """(N, P) forward differences of the visible fraction.
+    """(N, P) one-sided differences of the visible fraction.
 
     The probe is as wide as the fit's own steps: a shadow that is not where the photo has it meets it no sooner.
     Fewer rays than the model's own are no saving: the fit then stops early, far from where it should.

@@ -45,7 +45,7 @@ def quadrature(light, point, normal, count=600):
 
 
 def corner_closed_form(a, b, c):
-    """A differential element facing a parallel rectangle a x b at distance c, under one of its corners (Howell A-13)."""
+    """A differential element facing a parallel rectangle a x b at distance c, under a corner (Howell, A-13)."""
     x, y = a / c, b / c
     sx, sy = np.hypot(1, x), np.hypot(1, y)
     return (x / sx * np.arctan(y / sx) + y / sy * np.arctan(x / sy)) / (2 * np.pi)

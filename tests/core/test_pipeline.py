@@ -1,0 +1,119 @@
+"""The whole way where every answer is known: blind estimates, given lights, units, noise, input that fails."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from core.errors import NothingToLearn
+from core.pipeline import estimate, solve
+from core.types import AreaLight, Photo, PointLight, SunLight
+
+ALBEDO = {"floor": np.array([0.5, 0.45, 0.4]), "ball": np.array([0.8, 0.3, 0.2])}
+
+
+def drained(steps):
+    fractions = []
+    while True:
+        try:
+            fractions.append(next(steps).fraction)
+        except StopIteration as end:
+            assert fractions == sorted(fractions) and fractions[0] >= 0 and fractions[-1] <= 1
+            return end.value
+
+
+def blind(scene, photo, **how):
+    return drained(estimate(photo, scene.camera, scene.buffers, scene.visible, **how))
+
+
+def errors(light, truth):
+    """Centre in % of its distance from the ball, normal in degrees, power in %."""
+    distance = np.linalg.norm(truth.centre)
+    centre = 100 * np.linalg.norm(light.centre - truth.centre) / distance
+    normal = np.degrees(np.arccos(np.clip(light.normal @ truth.normal, -1, 1)))
+    return centre, normal
+
+
+def product(found, light):
+    """Power times albedo of the floor, the part of strength that a photo shows."""
+    area = light.size.prod()
+    return found * light.radiance * area
+
+
+@pytest.mark.parametrize("unit", [1.0, 1e-3, 1e3])
+def test_blind_estimate_in_any_unit_of_length(make_ball, unit):
+    scene = make_ball(unit)
+    truth = scene.light()
+    found = blind(scene, scene.photo(truth, ambient=0.1))
+    assert found and found.chosen.startswith("area")
+    light = found.lights[0]
+    centre, normal = errors(light, truth)
+    assert centre < 2.0 and normal < 2.0
+    floor = next(s for s in found.surfaces if s.name == "floor")
+    np.testing.assert_allclose(product(floor.albedo, light), product(ALBEDO["floor"], truth), rtol=0.03)
+    np.testing.assert_allclose(found.ambient / light.radiance.mean() * truth.radiance.mean(), 0.1, rtol=0.15)
+
+
+def test_the_largest_albedo_is_the_convention_and_all_keep_their_ratios(ball):
+    found = blind(ball, ball.photo(ball.light()), quality="draft")
+    albedo = {s.name: s.albedo for s in found.surfaces}
+    assert max(a.max() for a in albedo.values()) == pytest.approx(0.8)
+    np.testing.assert_allclose(albedo["floor"] / albedo["ball"], ALBEDO["floor"] / ALBEDO["ball"], rtol=0.03)
+
+
+def test_a_given_light_is_solved_for_its_strength_alone(ball):
+    truth = ball.light(radiance=7.0)
+    lights = [replace(truth, radiance=np.ones(3))]
+    found = drained(solve(ball.photo(truth, ambient=0.2), ball.camera, ball.buffers, ball.visible, lights))
+    (light,) = found.lights
+    np.testing.assert_array_equal(light.centre, truth.centre)
+    scale = 0.8 / max(a.max() for a in ALBEDO.values())
+    np.testing.assert_allclose(light.radiance, truth.radiance / scale, rtol=0.01)
+    np.testing.assert_allclose(found.ambient, 0.2 / scale, rtol=0.05)
+    assert found.uncertainty == (None,)
+
+
+def test_two_given_lights_keep_their_ratio(ball):
+    first = ball.light(radiance=10.0)
+    second = replace(first, centre=np.array([1.4, -0.6, 1.2]), u=np.array([0.0, 1.0, 0.0]), v=np.array([0.6, 0.0, 0.8]))
+    second = replace(second, radiance=np.array([4.0, 3.0, 2.0]))
+    both = Photo(ball.photo(first).linear + ball.photo(second).linear, ball.photo(first).clipped)
+    found = drained(solve(both, ball.camera, ball.buffers, ball.visible, [first, second]))
+    np.testing.assert_allclose(found.lights[1].radiance / found.lights[0].radiance, [0.4, 0.3, 0.2], rtol=0.03)
+
+
+def test_noise_widens_what_is_not_known(ball):
+    truth = ball.light()
+    calm = blind(ball, ball.photo(truth), start=truth, model="area", quality="draft")
+    noisy = blind(ball, ball.photo(truth, noise=0.05), start=truth, model="area", quality="draft")
+    assert noisy.uncertainty[0].centre > 2 * calm.uncertainty[0].centre
+    assert errors(noisy.lights[0], truth)[0] < 100 * 5 * noisy.uncertainty[0].centre / np.linalg.norm(truth.centre)
+
+
+@pytest.mark.parametrize(("model", "kind"), [("area", AreaLight), ("point", PointLight), ("sun", SunLight)])
+def test_the_model_asked_for_is_the_one_fitted(ball, model, kind):
+    found = blind(ball, ball.photo(ball.light()), model=model, quality="draft")
+    assert isinstance(found.lights[0], kind)
+    assert [c.name for c in found.candidates] == [model]
+
+
+def test_exposure_changes_strengths_alone(ball):
+    photo = ball.photo(ball.light(), ambient=0.1)
+    usual = blind(ball, photo, quality="draft")
+    brighter = blind(ball, replace(photo, linear=4.0 * photo.linear), quality="draft")
+    np.testing.assert_allclose(brighter.lights[0].centre, usual.lights[0].centre, rtol=1e-6)
+    np.testing.assert_allclose(brighter.lights[0].radiance, 4.0 * usual.lights[0].radiance, rtol=1e-6)
+    for a, b in zip(usual.surfaces, brighter.surfaces, strict=True):
+        np.testing.assert_allclose(a.albedo, b.albedo, rtol=1e-6)
+
+
+def test_a_black_photo_says_nothing(ball):
+    photo = ball.photo(ball.light())
+    with pytest.raises(NothingToLearn, match="black"):
+        blind(ball, replace(photo, linear=0 * photo.linear))
+
+
+def test_a_clipped_photo_says_nothing(ball):
+    photo = ball.photo(ball.light())
+    with pytest.raises(NothingToLearn, match="unclipped"):
+        blind(ball, replace(photo, clipped=np.ones_like(photo.clipped)))
