@@ -4,12 +4,13 @@ Exit codes: 0 done; 2 bad input, one line on stderr and nothing written; 3 no tr
 """
 
 import argparse
+import ctypes
 import json
 import os
 import signal
 import sys
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from pathlib import Path
 from typing import Any, NoReturn, TextIO
 
@@ -175,22 +176,28 @@ class Console:
 @contextmanager
 def _quiet() -> Iterator[Console]:
     """Keep what Blender prints off the terminal; progress still gets there."""
-    sys.stdout.flush()
-    sys.stderr.flush()
+    _flush()
     kept = os.dup(1), os.dup(2)
     with open(kept[1], "w", encoding="utf-8", closefd=False) as stream, open(os.devnull, "w") as nowhere:
         console = Console(stream)
         os.dup2(nowhere.fileno(), 1)
         os.dup2(nowhere.fileno(), 2)
         try:
-            yield console
+            with redirect_stdout(nowhere), redirect_stderr(nowhere):
+                yield console
         finally:
             console.clear()
-            sys.stdout.flush()
-            sys.stderr.flush()
+            _flush()
             for number, copy in zip((1, 2), kept, strict=True):
                 os.dup2(copy, number)
                 os.close(copy)
+
+
+def _flush() -> None:
+    """Write out what is buffered, by Python and by Blender's own C library."""
+    sys.stdout.flush()
+    sys.stderr.flush()
+    ctypes.CDLL("ucrtbase" if os.name == "nt" else None).fflush(None)
 
 
 @contextmanager

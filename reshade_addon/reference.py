@@ -26,6 +26,9 @@ def store(scene: bpy.types.Scene) -> None:
     if text is None:
         text = bpy.data.texts.new(NAME)
         text.write(_EXPLANATION)
+    # Blender cuts bytes that replace others at their first zero.
+    if _BYTES in text:
+        del text[_BYTES]
     text[_BYTES] = data
     scene.reshade.reference = text
 
