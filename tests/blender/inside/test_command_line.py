@@ -246,6 +246,7 @@ def test_an_unexplained_scene_is_not_rendered(cli, files, capfd):
 def refused(cli, argv, files, capfd, words, code=2):
     """Assert that a command ends with this code, one line that has these words and what to do, and nothing written."""
     before = {path: path.read_bytes() for path in files.rglob("*") if path.is_file()}
+    cli._flush()  # what Blender has said so far and its C library still holds
     capfd.readouterr()
     assert cli.main(argv) == code
     said = capfd.readouterr()
