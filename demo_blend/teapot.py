@@ -8,17 +8,15 @@ Writes, into the folder given:
     teapot.exr          the photo: Cycles' render of it, direct light only
     teapot.blend        the teapot as rebuilt from its depth at every fourth pixel, without light but for "start",
                         which is too large, 20 % off in distance and turned
-    truth.json          the true light, as in a report, and how far the rebuilt surface is off
+    truth.json          the true light, ambient and albedos, and the middle of the teapot
 
     python -m reshade.demo_blend.teapot FOLDER
 """
 
 import json
 import sys
-from collections.abc import Generator
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
 
 import bpy
 import numpy as np
@@ -31,6 +29,7 @@ from ..core.color import linear_to_srgb
 from ..core.light_units import energy_and_color, power_from_radiance
 from ..core.types import AreaLight, Camera
 from ..reshade_addon.photo_io import write_picture
+from ..reshade_addon.progress import drain
 from ..reshade_addon.rendering import render
 from . import depth_mesh
 from . import scene as blender
@@ -154,15 +153,6 @@ def prepared() -> bpy.types.Scene:
     return scene
 
 
-def drained(steps: Generator[Any, None, Array]) -> Array:
-    """What a computation returns that tells its progress on the way."""
-    while True:
-        try:
-            next(steps)
-        except StopIteration as end:
-            return end.value
-
-
 def build(folder: Path) -> None:
     """Write the truth, the photo and what the estimate gets to see."""
     folder.mkdir(parents=True, exist_ok=True)
@@ -175,7 +165,7 @@ def build(folder: Path) -> None:
     blender.set_world(scene, AMBIENT)
     add_light(scene, "Light", LIGHT)
     blender.save(folder / "teapot_true.blend")
-    photo = drained(render(scene, SAMPLES))
+    photo = drain(render(scene, SAMPLES))
     write_picture(folder / "teapot.exr", photo)
 
     alone = BVHTree.FromPolygons(points.tolist(), triangles.tolist())

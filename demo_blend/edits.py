@@ -1,0 +1,106 @@
+"""What the demo does in Blender once a scene's light is known: renders it as it is, and edits copies of it.
+
+    python -m reshade.demo_blend.edits NAME SCENE.blend FOLDER
+
+writes into the folder rendered.exr, the scene as it is, and a .blend for each edit of the demo NAME; of the teapot
+also ideal.exr, the rebuilt model under the true light.
+"""
+
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import bpy
+import numpy as np
+from mathutils import Vector
+
+from .. import register, unregister
+from ..reshade_addon.photo_io import write_picture
+from ..reshade_addon.progress import drain
+from ..reshade_addon.rendering import render
+
+SAMPLES = 64
+WARM = (1.0, 0.56, 0.23)  # linear Rec.709 of a candle-like 2400 K, its largest channel 1
+
+
+def lights(scene: bpy.types.Scene) -> list[bpy.types.Object]:
+    """The lights that are rendered."""
+    return [thing for thing in scene.objects if thing.type == "LIGHT" and not thing.hide_render]
+
+
+def moved_across(scene: bpy.types.Scene, pivot: tuple[float, float, float]) -> None:
+    """Mirror each light in the upright plane through the pivot and the camera, turned to shine at the pivot."""
+    target = Vector(pivot)
+    across = scene.camera.matrix_world.to_3x3().col[0]
+    across = Vector((across.x, across.y, 0.0)).normalized()
+    for light in lights(scene):
+        offset = light.matrix_world.translation - target
+        light.location = target + offset - 2.0 * offset.dot(across) * across
+        light.rotation_euler = (target - light.location).to_track_quat("-Z", "Y").to_euler()
+
+
+def dimmed_and_warm(scene: bpy.types.Scene) -> None:
+    """A quarter of the light, and that of a candle."""
+    for light in lights(scene):
+        light.data.energy *= 0.25
+        light.data.color = WARM
+
+
+def painted(material: str, colour: tuple[float, float, float]) -> None:
+    """Give a material another base colour."""
+    tree = bpy.data.materials[material].node_tree
+    base = tree.nodes["Principled BSDF"].inputs["Base Color"]
+    for link in list(base.links):
+        tree.links.remove(link)
+    base.default_value = (*colour, 1.0)
+
+
+EDITS: dict[str, dict[str, Callable[[bpy.types.Scene], None]]] = {
+    "motorcycle": {
+        "moved": lambda scene: moved_across(scene, (0.1, 2.5, 0.6)),
+        "warm": dimmed_and_warm,
+    },
+    "coffee": {
+        "moved": lambda scene: moved_across(scene, (0.0, 0.0, 0.03)),
+        "warm": dimmed_and_warm,
+    },
+    "teapot": {
+        "moved": lambda scene: moved_across(scene, (0.0, 0.0, 0.07)),
+        "ochre": lambda _: painted("teapot", (0.75, 0.4, 0.08)),
+    },
+}
+
+
+def main(name: str, path: Path, folder: Path) -> None:
+    """Write what the module's docstring says."""
+    bpy.ops.wm.open_mainfile(filepath=str(path))
+    write_picture(folder / "rendered.exr", drain(render(bpy.context.scene, SAMPLES)))
+    if name == "teapot":
+        write_picture(folder / "ideal.exr", ideal_teapot())
+    for key, edit in EDITS[name].items():
+        bpy.ops.wm.open_mainfile(filepath=str(path))
+        edit(bpy.context.scene)
+        bpy.ops.wm.save_as_mainfile(filepath=str(folder / f"{key}.blend"), compress=False)
+
+
+def ideal_teapot() -> np.ndarray:
+    """The open scene's render under the true light, with the true materials: what its wrong surface alone costs."""
+    from . import scene as blender
+    from . import teapot
+
+    scene = bpy.context.scene
+    for light in lights(scene):
+        bpy.data.objects.remove(light)
+    teapot.add_light(scene, "Light", teapot.LIGHT)
+    blender.set_world(scene, teapot.AMBIENT)
+    for material, colour in teapot.ALBEDO.items():
+        painted(material, colour)
+    return drain(render(scene, SAMPLES))
+
+
+if __name__ == "__main__":
+    register()
+    try:
+        main(sys.argv[1], Path(sys.argv[2]), Path(sys.argv[3]))
+    finally:
+        unregister()

@@ -1,0 +1,235 @@
+"""The demo: photos in; their light, their materials and the reshaded photos out, under out/.
+
+    .venv/bin/python demo_blend/run.py [motorcycle] [coffee] [teapot]
+
+Each scene is explained by the same command line that a user has, then edited and reshaded; a contact sheet, the report
+and a .blend that is ready to edit are left in out/NAME.
+"""
+
+import importlib.util
+import json
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import skimage
+from reshade.demo_blend import contact_sheet
+from reshade.demo_blend.contact_sheet import Array, Facts, Panel
+from reshade.reshade_addon.photo_io import read_linear, read_photo
+
+HERE = Path(__file__).resolve().parent
+OUT = HERE.parent / "out"
+PHOTOS = Path(skimage.__file__).parent / "data"
+SAMPLES = 48  # a pixel of a reshaded photo
+
+
+@dataclass(frozen=True, slots=True)
+class Demo:
+    """One scene, and what the sheet says of it."""
+
+    title: str
+    subtitle: str
+    prepare: Callable[[Path], tuple[Path, Path]]  # from a folder for the scene's files to its .blend and photo
+    edits: dict[str, tuple[str, str]]  # title and caption of each of `edits.EDITS`
+    options: tuple[str, ...] = ()  # of `reshade estimate`
+
+
+def motorcycle(folder: Path) -> tuple[Path, Path]:
+    """Turn the measured depth to a mesh."""
+    scene = folder / "scene.blend"
+    python("motorcycle", scene)
+    return scene, PHOTOS / "motorcycle_left.png"
+
+
+def coffee(_: Path) -> tuple[Path, Path]:
+    """Take the modelled scene."""
+    return HERE / "coffee.blend", PHOTOS / "coffee.png"
+
+
+def teapot(folder: Path) -> tuple[Path, Path]:
+    """Build the teapot, photograph it and rebuild it from its coarse depth."""
+    python("teapot", folder)
+    return folder / "teapot.blend", folder / "teapot.exr"
+
+
+DIMMED = ("The light, dimmed and warm", "A quarter of its power, the colour of a candle")
+DEMOS = {
+    "motorcycle": Demo(
+        "A motorcycle in its garage",
+        "Real photo, measured geometry: depth from the Middlebury 2014 stereo set",
+        motorcycle,
+        {"moved": ("The light, moved to the other side", "Mirrored across the motorcycle"), "warm": DIMMED},
+    ),
+    "coffee": Demo(
+        "A cup of coffee",
+        "Real photo, modelled geometry: outlines matched within 3 pixels",
+        coffee,
+        {"moved": ("The light, moved to the other side", "Mirrored across the cup"), "warm": DIMMED},
+    ),
+    "teapot": Demo(
+        "The thesis’s teapot",
+        "Figure 4.11: rebuilt from its depth at every fourth pixel, start too large, 20 % off and turned",
+        teapot,
+        {
+            "moved": ("The light, moved to the other side", "Mirrored across the teapot"),
+            "ochre": ("The teapot, glazed in ochre", "Another base colour under the light that was found"),
+        },
+        ("--start", "start", "--quality", "accurate", "--model", "area"),
+    ),
+}
+
+
+class StepFailed(Exception):
+    """A step of the demo ended badly; the message holds what it said."""
+
+
+def python(module: str, *arguments: str | Path) -> None:
+    """Run one of the demo's modules in a Python of its own: each starts with a fresh Blender."""
+    run(sys.executable, "-m", f"reshade.demo_blend.{module}", *map(str, arguments))
+
+
+def reshade(*arguments: str | Path) -> None:
+    """Run Reshade's command line."""
+    run(str(Path(sys.executable).with_name("reshade")), *map(str, arguments))
+
+
+def run(*command: str) -> None:
+    """Run a command; what it says is shown only if it fails."""
+    ended = subprocess.run(command, capture_output=True, text=True, check=False)
+    if ended.returncode:
+        raise StepFailed(f"{' '.join(command)}\nended with {ended.returncode}:\n{ended.stdout}{ended.stderr}")
+
+
+def show(name: str, demo: Demo) -> None:
+    """Explain, edit, reshade and print one scene."""
+    began = time.perf_counter()
+    out = OUT / name
+    out.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory() as temporary:
+        folder = Path(temporary)
+        scene, photo_path = demo.prepare(folder)
+        solved, report_path = out / f"{name}.blend", out / "report.json"
+        outputs = ("--output", solved, "--report", report_path, "--residual", out / "residual.png")
+        reshade("estimate", "--scene", scene, "--photo", photo_path, *demo.options, *outputs)
+        python("edits", name, solved, folder)
+        for key in demo.edits:
+            target = folder / f"{key}.exr"
+            reshade("render", "--scene", folder / f"{key}.blend", "--output", target, "--samples", str(SAMPLES))
+
+        photo, rendered = read_photo(photo_path).linear, read_linear(folder / "rendered.exr")
+        report = json.loads(report_path.read_text())
+        panels = [
+            Panel("Photo", "As it was taken" if name != "teapot" else "As Cycles took it, direct light only", photo),
+            Panel("Rendered", "The scene under the light and with the materials found", rendered),
+            residual_panel(photo, rendered),
+        ]
+        panels += [Panel(*demo.edits[key], read_linear(folder / f"{key}.exr")) for key in demo.edits]
+        if name == "teapot":
+            truth = json.loads((folder / "truth.json").read_text())
+            facts = figure_4_11(photo, rendered, read_linear(folder / "ideal.exr"), report, truth)
+        else:
+            facts = found(report)
+    page = contact_sheet.sheet(demo.title, demo.subtitle, panels, facts, typeface())
+    page.save(out / "sheet.png")
+
+    print(f"\n{demo.title} ({time.perf_counter() - began:.0f} s)")
+    for row in facts.rows:
+        print(f"  {row[0]:<22}" + "".join(f"{cell:<14}" for cell in row[1:]).rstrip())
+    print(f"  {facts.note}")
+    for warning in report["warnings"]:
+        print(f"  {warning}")
+    print(f"  Look at {shown(out / 'sheet.png')}; edit {shown(solved)}; all numbers: {shown(report_path)}", flush=True)
+
+
+def residual_panel(photo: Array, rendered: Array) -> Panel:
+    """The photo less its render, in colours."""
+    picture, extent = contact_sheet.residual(photo, rendered)
+    return Panel("Residual", "Photo − render, 8-bit steps", picture, extent)
+
+
+def found(report: dict[str, Any]) -> Facts:
+    """What the report says of the light."""
+    light = report["lights"][0]
+    sure = light.get("uncertainty") or {}
+    sun = light["type"] == "SUN"
+    rows = [("Light", f"{light['type'].lower()}, {light['energy']:.3g} {'W m⁻²' if sun else 'W'}")]
+    if "centre" in light:
+        rows.append(("Centre", f"{numbers(light['centre'])} m" + within(sure.get("centre_m"), "m")))
+    rows.append(("Shines along", numbers(light["normal"]) + within(sure.get("normal_deg"), "°")))
+    if "size" in light:
+        rows.append(("Size", " × ".join(f"{side:.2f}" for side in light["size"]) + " m"))
+    ambient = report["ambient"].get("radiance")
+    if ambient:
+        rows.append(("Ambient", f"{numbers(ambient, 3)} W m⁻² sr⁻¹"))
+    rows.append(("Left over", f"{numbers(report['residual']['mean_abs_8bit'], 1)} 8-bit steps"))
+    rows.append(("Time", f"{report['seconds']['total']:.0f} s to estimate"))
+    return Facts("What was found", tuple(rows), f"Least certain: {sure['weakest']}." if sure.get("weakest") else "")
+
+
+def figure_4_11(photo: Array, computed: Array, ideal: Array, report: dict[str, Any], truth: dict[str, Any]) -> Facts:
+    """The thesis's table: error per pixel of the teapot with the computed light against that with the true one."""
+    teapot = photo[..., 0] > 2.0 * photo[..., 2]
+    error = {
+        name: 255 * np.abs(render - photo)[teapot].mean(axis=0)
+        for name, render in (("ideal", ideal), ("computed", computed))
+    }
+    ratio = error["computed"] / error["ideal"]
+    rows = [("Mean error, 8-bit", "Red", "Green", "Blue")]
+    rows += [(name.capitalize() + " light", *(f"{x:.2f}" for x in error[name])) for name in ("ideal", "computed")]
+    rows += [("Computed / ideal", *(f"{x:.2f}" for x in ratio)), ("The thesis has", "1.06", "1.02", "1.02")]
+    light, true = report["lights"][0], truth["lights"][0]
+    distance = np.linalg.norm(np.subtract(true["centre"], truth["middle"]))
+    off = 100 * np.linalg.norm(np.subtract(light["centre"], true["centre"])) / distance
+    turned = np.degrees(np.arccos(np.clip(np.dot(light["normal"], true["normal"]), -1.0, 1.0)))
+    sizes = " against ".join(" × ".join(f"{side:.2f}" for side in sorted(x["size"])[::-1]) for x in (light, true))
+    note = f"Centre {off:.1f} % of its distance off, normal {turned:.1f}°, size {sizes} m."
+    return Facts("Figure 4.11", tuple(rows), f"{note} {report['seconds']['total']:.0f} s to estimate.")
+
+
+def numbers(values: list[float], digits: int = 2) -> str:
+    """Numbers with a true minus sign."""
+    return ", ".join(f"{value:.{digits}f}" for value in values).replace("-", "−")
+
+
+def within(value: float | None, unit: str) -> str:
+    """The uncertainty, if there is one."""
+    return "" if value is None else f" ± {value:.2g}{'' if unit == '°' else ' '}{unit}"
+
+
+def typeface() -> Path | None:
+    """Blender's own interface font, where the bpy wheel has it."""
+    package = importlib.util.find_spec("bpy")
+    folder = Path(package.origin).parent if package and package.origin else HERE
+    return next(iter(sorted(folder.glob("*/datafiles/fonts/Inter.woff2"))), None)
+
+
+def shown(path: Path) -> Path:
+    """The path from where the user is, if it is below."""
+    return path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path
+
+
+def main(names: list[str]) -> int:
+    """Run the demos named, or all."""
+    unknown = [name for name in names if name not in DEMOS]
+    if unknown:
+        print(f"There is no demo '{unknown[0]}'. There are: {', '.join(DEMOS)}.", file=sys.stderr)
+        return 2
+    began, failed = time.perf_counter(), 0
+    for name in names or DEMOS:
+        try:
+            show(name, DEMOS[name])
+        except StepFailed as error:
+            failed = 1
+            print(f"\n{DEMOS[name].title}: {error}", file=sys.stderr)
+    print(f"\n{time.perf_counter() - began:.0f} s in all")
+    return failed
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
