@@ -76,7 +76,7 @@ def fit_light(
             converged = True
             break
         expected = expected_residual(problem, state)
-    return _result(problem, state, done, converged)
+    return result_of(problem, state, done, converged)
 
 
 def _stepped(problem: Problem, state: State, matrix: Array, slope: Array, damping: float) -> State:
@@ -92,7 +92,8 @@ def _stepped(problem: Problem, state: State, matrix: Array, slope: Array, dampin
     return problem.state(light, log_c, ambient, probe)
 
 
-def _result(problem: Problem, state: State, iterations: int, converged: bool) -> LightFit:
+def result_of(problem: Problem, state: State, iterations: int, converged: bool) -> LightFit:
+    """Describe a state as the result of a fit."""
     expected = expected_residual(problem, state)
     matrix, _ = normal_equations(problem, state, expected)
     # One overall log strength: the mean over the samples, each of its own surface.

@@ -18,6 +18,7 @@ from .noise import noise_of
 from .radiometric import SCALE, Radiometry, solve_radiometry
 from .samples import choose_samples, extent_of, first
 from .starts import find_starts, in_view
+from .thesis_minimisers import fit_light_bfgs, fit_light_powell
 from .types import (
     AreaLight,
     Array,
@@ -63,6 +64,7 @@ _EFFORTS = {
 }
 QUALITIES = tuple(_EFFORTS)
 MODELS = ("auto", "area", "point", "sun")
+SOLVERS = {"trust-region": fit_light, "bfgs": fit_light_bfgs, "powell": fit_light_powell}
 
 
 def estimate(
@@ -74,10 +76,12 @@ def estimate(
     quality: str = "standard",
     model: str = "auto",
     start: AreaLight | None = None,
+    solver: str = "trust-region",
 ) -> Generator[Progress, None, Estimate]:
     """Estimate one light and the materials from a photo.
 
     quality : one of QUALITIES; model : one of MODELS; start : an initial light instead of those the cues give
+    solver : one of SOLVERS
     Raises NothingToLearn where the photo shows too little of the geometry. A photo that no light explains gives a falsy
     Estimate whose message says so.
     """
@@ -119,7 +123,7 @@ def estimate(
         rough.append(
             (
                 yield from _watched(
-                    fit_light(coarse, light, iterations=14, tolerance=1e-3),
+                    SOLVERS[solver](coarse, light, iterations=14, tolerance=1e-3),
                     0.1 + 0.4 * i / len(initial),
                     0.4 / len(initial),
                     f"Fitting from start {i + 1} of {len(initial)}",
@@ -133,7 +137,7 @@ def estimate(
     for name, begin in _models(model, best, rough[: effort.finalists], middle):
         since = time.perf_counter()
         fit = yield from _watched(
-            fit_light(fine, begin, iterations=40), 0.5 + 0.07 * len(fits), 0.07, f"Fitting a {name}"
+            SOLVERS[solver](fine, begin, iterations=40), 0.5 + 0.07 * len(fits), 0.07, f"Fitting a {name}"
         )
         fits.append((name, fit, time.perf_counter() - since))
     candidates = [Candidate(name, _criterion(fit, fine), seconds) for name, fit, seconds in fits]
