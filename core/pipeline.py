@@ -41,6 +41,7 @@ from .visibility import openness, visible_fraction
 
 _FAR = 60.0  # of the scene's extent: as good as infinity for a shadow ray
 _TEXTURED = 0.08  # robust spread of a surface's residual over its mean: more is texture, not noise
+_IN_THE_RUNNING = 0.1  # of negative log likelihood a sample: starts that end farther behind are given up
 _UNTRUSTED = 0.6  # share of the photo's variation left over, above which no light explains it
 
 
@@ -55,12 +56,13 @@ class _Effort:
     directions: int
     starts: int
     finalists: int
+    tolerance: float  # of the loss, to end a fit
 
 
 _EFFORTS = {
-    "draft": _Effort(1500, 400, 24, 200, 80, 3, 1),
-    "standard": _Effort(4000, 800, 64, 300, 160, 6, 2),
-    "accurate": _Effort(10000, 2500, 144, 500, 320, 8, 3),
+    "draft": _Effort(1500, 400, 24, 200, 80, 3, 1, 1e-3),
+    "standard": _Effort(4000, 800, 64, 300, 160, 6, 2, 3e-4),
+    "accurate": _Effort(10000, 2500, 144, 500, 320, 8, 3, 1e-4),
 }
 QUALITIES = tuple(_EFFORTS)
 MODELS = ("auto", "area", "point", "sun")
@@ -117,7 +119,7 @@ def estimate(
             return _failed("No place for a light explains any of the shading: check the camera and the geometry", clock)
         initial = [entry.light for entry in found]
 
-    coarse = problem(max(effort.fit_samples // 2, 200), max(effort.fit_rays // 2, 16))
+    coarse = problem(max(effort.fit_samples // 3, 200), max(effort.fit_rays // 3, 16))
     rough = []
     for i, light in enumerate(initial):
         rough.append(
@@ -131,13 +133,17 @@ def estimate(
             )
         )
     rough.sort(key=lambda fit: fit.score)
+    rough = [fit for fit in rough[: effort.finalists] if fit.score < rough[0].score + _IN_THE_RUNNING]
     fine = problem(effort.fit_samples, effort.fit_rays)
     fits: list[tuple[str, LightFit, float]] = []
     best = rough[0].light
-    for name, begin in _models(model, best, rough[: effort.finalists], middle):
+    for name, begin in _models(model, best, rough, middle):
         since = time.perf_counter()
         fit = yield from _watched(
-            SOLVERS[solver](fine, begin, iterations=40), 0.5 + 0.07 * len(fits), 0.07, f"Fitting a {name}"
+            SOLVERS[solver](fine, begin, iterations=40, tolerance=effort.tolerance),
+            0.5 + 0.07 * len(fits),
+            0.07,
+            f"Fitting a {name}",
         )
         fits.append((name, fit, time.perf_counter() - since))
     candidates = [Candidate(name, _criterion(fit, fine), seconds) for name, fit, seconds in fits]
