@@ -66,20 +66,19 @@ def _solve_channel(samples: Samples, terms: Array, value: Array) -> tuple[Array,
     parts[0] = 1.0
     parts[1:-1] = 1.0
     weight = samples.weight.copy()
-    product = np.zeros(surfaces)
+    product = _per_surface(samples, terms @ parts, value, weight, surfaces)
     for _ in range(_ROUNDS):
-        before = parts.copy()
-        product = _per_surface(samples, terms @ parts, value, weight, surfaces)
         known = product[samples.surface]
         rows = np.sqrt(weight)
         solution, _ = nnls((rows * known)[:, None] * terms, rows * value)
         if solution[0] <= 0.0:  # the first light brings nothing to this channel: keep its place, let the others move
             solution[0] = 1e-12 * max(solution.max(), 1e-300)
+        weight = samples.weight * _soft(samples, value - known * (terms @ solution))
+        before = np.concatenate([parts, product])
         parts = solution / solution[0]
-        residual = value - known * (terms @ solution)
-        weight = samples.weight * _soft(samples, residual)
-        if np.abs(parts - before).max() <= _SETTLED * max(np.abs(parts).max(), 1.0):
-            return parts, _per_surface(samples, terms @ parts, value, weight, surfaces), True
+        product = _per_surface(samples, terms @ parts, value, weight, surfaces)
+        if np.allclose(np.concatenate([parts, product]), before, rtol=_SETTLED, atol=_SETTLED * product.max()):
+            return parts, product, True
     return parts, product, False
 
 

@@ -1,0 +1,46 @@
+"""Unlit textures and noise: albedo times shading is the photo, and noise of known size is found."""
+
+import numpy as np
+import pytest
+
+from core.albedo_map import albedo_map
+from core.noise import noise_of
+from core.types import Photo
+
+
+def test_albedo_times_shading_is_the_photo():
+    rng = np.random.default_rng(0)
+    albedo = rng.uniform(0.1, 0.9, size=(20, 30, 3))
+    shading = rng.uniform(0.5, 2.0, size=(20, 30, 1)) * np.ones(3)
+    found = albedo_map(albedo * shading, shading, np.full_like(albedo, 0.5))
+    np.testing.assert_allclose(found * shading, albedo * shading, rtol=0.05)
+    np.testing.assert_allclose(found, albedo, rtol=0.05)
+
+
+def test_where_no_light_falls_the_surface_value_stands():
+    shading = np.ones((4, 4, 3))
+    shading[0] = 0.0
+    photo = 0.5 * shading
+    photo[0] = 0.01  # a little light that nothing explains
+    found = albedo_map(photo, shading, np.full((4, 4, 3), 0.3))
+    np.testing.assert_allclose(found[0], 0.3, atol=1e-6)
+
+
+def test_albedo_is_never_above_one():
+    found = albedo_map(np.full((3, 3, 3), 5.0), np.ones((3, 3, 3)), np.full((3, 3, 3), 0.5))
+    np.testing.assert_array_equal(found, 1.0)
+
+
+@pytest.mark.parametrize("sigma", [0.001, 0.01, 0.05])
+def test_noise_on_a_ramp_with_edges(sigma):
+    rng = np.random.default_rng(1)
+    y, x = np.mgrid[:200, :300]
+    clean = 0.3 + 0.001 * x + 0.2 * (y > 100) + 0.1 * (x > 150)
+    linear = clean[..., None] + sigma * rng.normal(size=(200, 300, 3))
+    assert noise_of(Photo(linear, np.zeros((200, 300), bool))) == pytest.approx(sigma, rel=0.05)
+
+
+def test_a_clean_photo_has_at_least_its_rounding():
+    photo = Photo(np.full((10, 10, 3), 0.5), np.zeros((10, 10), bool))
+    assert 0 < noise_of(photo) < 1e-4
+    assert noise_of(Photo(np.full((1, 1, 3), 0.5), np.zeros((1, 1), bool))) > 0

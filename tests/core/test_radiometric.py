@@ -1,0 +1,85 @@
+"""The radiometric solve recovers what made the samples: thesis 4.3.1, on data it can explain exactly."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from core.radiometric import LARGEST_ALBEDO, solve_radiometry
+from core.types import Samples
+
+
+def made(strengths, ambient, albedo, count=400, seed=0):
+    """Samples that are exactly albedo (sum L F + A O), and their shadings."""
+    rng = np.random.default_rng(seed)
+    surface = (np.arange(count) % len(albedo)).astype(np.int32)
+    shading = rng.uniform(0, 1, size=(count, len(strengths)))
+    open_to = rng.uniform(0.2, 1, size=count)
+    colour = albedo[surface] * (shading @ strengths + open_to[:, None] * ambient)
+    up = np.broadcast_to([0.0, 0.0, 1.0], (count, 3))
+    names = tuple(f"surface {i}" for i in range(len(albedo)))
+    pixel = np.zeros((count, 2), np.int32)
+    return Samples(up, up, up, colour, surface, np.ones(count), pixel, open_to, names, 1e-6), shading
+
+
+ALBEDO = np.array([[0.8, 0.2, 0.1], [0.3, 0.4, 0.5], [0.05, 0.06, 0.07]])
+
+
+def test_one_light_and_ambient():
+    samples, shading = made(np.full((1, 3), 5.0), np.array([0.3, 0.2, 0.1]), ALBEDO)
+    found = solve_radiometry(samples, shading)
+    assert found.converged
+    np.testing.assert_allclose(found.strengths, np.full((1, 3), 5.0), rtol=1e-5)
+    np.testing.assert_allclose(found.ambient, [0.3, 0.2, 0.1], rtol=1e-4)
+    np.testing.assert_allclose(found.albedo, ALBEDO, rtol=1e-5)
+    assert np.abs(found.residual).max() < 1e-5
+
+
+def test_three_coloured_lights():
+    strengths = np.array([[4.0, 4.0, 4.0], [1.0, 2.0, 3.0], [0.5, 0.1, 0.0]])
+    samples, shading = made(strengths, np.zeros(3), ALBEDO)
+    found = solve_radiometry(samples, shading)
+    np.testing.assert_allclose(found.strengths, strengths, atol=1e-4)
+    np.testing.assert_allclose(found.ambient, 0, atol=1e-4)
+
+
+def test_the_convention_fixes_what_a_photo_cannot_tell():
+    """Twice the light on half the albedo is the same photo, and gets the same answer."""
+    bright, shading = made(np.full((1, 3), 10.0), np.zeros(3), 0.5 * ALBEDO)
+    usual, _ = made(np.full((1, 3), 5.0), np.zeros(3), ALBEDO)
+    np.testing.assert_allclose(bright.colour, usual.colour)
+    found = solve_radiometry(bright, shading)
+    assert found.albedo.max() == pytest.approx(LARGEST_ALBEDO)
+    np.testing.assert_allclose(found.strengths[0], 5.0, rtol=1e-5)
+
+
+def test_highlights_do_not_pull():
+    samples, shading = made(np.full((1, 3), 5.0), np.zeros(3), ALBEDO)
+    samples.colour[::40] += 30.0
+    found = solve_radiometry(samples, shading)
+    np.testing.assert_allclose(found.albedo, ALBEDO, rtol=0.02, atol=2e-3)
+
+
+def test_without_ambient_there_is_none():
+    samples, shading = made(np.full((1, 3), 5.0), np.full(3, 0.3), ALBEDO)
+    assert not solve_radiometry(samples, shading, with_ambient=False).ambient.any()
+
+
+def test_a_surface_that_no_light_reaches_is_black_not_wild():
+    samples, shading = made(np.full((1, 3), 5.0), np.zeros(3), ALBEDO)
+    shading[samples.surface == 2] = 0.0
+    samples.colour[samples.surface == 2] = 0.0
+    found = solve_radiometry(samples, shading)
+    np.testing.assert_array_equal(found.albedo[2], 0)
+    np.testing.assert_allclose(found.albedo[:2], ALBEDO[:2], rtol=1e-4)
+
+
+@given(seed=st.integers(0, 10_000), exposure=st.sampled_from([1e-9, 1e-3, 1.0, 1e6]), noise=st.floats(0, 2))
+def test_nothing_is_ever_negative_or_no_number(seed, exposure, noise):
+    rng = np.random.default_rng(seed)
+    samples, shading = made(np.full((2, 3), 3.0), np.full(3, 0.1), ALBEDO, count=60, seed=seed)
+    samples.colour[:] = np.maximum(samples.colour * (1 + noise * rng.normal(size=samples.colour.shape)), 0) * exposure
+    found = solve_radiometry(samples, shading)
+    for values in (found.strengths, found.ambient, found.albedo):
+        assert np.all(np.isfinite(values)) and np.all(values >= 0)
+    assert found.albedo.max() <= LARGEST_ALBEDO * (1 + 1e-12)
