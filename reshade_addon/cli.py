@@ -18,18 +18,16 @@ import bpy
 
 from ..core.errors import ReshadeError
 from ..core.types import AreaLight, Photo, Progress
-from . import photo_image, photo_io, scene_write, solving
+from . import photo_image, photo_io, reference, scene_write, solving
 from .blend_file import open_blend, save_blend
 from .files import Outputs
 from .progress import drain
 from .properties import MODELS, QUALITIES
-from .rendering import render
 from .reshading import reshade
 from .residual import residual_picture
-from .scene_read import read_light
+from .scene_read import read_light, silhouette
 
 INTERRUPTED = 130
-RESIDUAL_SAMPLES = 64
 
 
 class Parser(argparse.ArgumentParser):
@@ -118,11 +116,13 @@ def _finish(
     names = solving.apply(scene, photo_image.load_image(arguments.photo), solution)
     found = solution.report(names)
     _write_report(report, found)
+    if residual:
+        with reference.opened(scene) as copy:
+            rendered = drain(reference.picture(scene, copy.scene, scene.reshade.samples), console.tell)
+        modelled = drain(silhouette(solution.view), console.tell)
+        photo_io.write_encoded(residual, residual_picture(photo.linear, rendered, modelled))
     if blend:
         save_blend(blend)
-    if residual:
-        picture = drain(render(scene, RESIDUAL_SAMPLES), console.tell)
-        photo_io.write_encoded(residual, residual_picture(photo.linear, picture))
     return 0, _summary(found)
 
 

@@ -40,7 +40,7 @@ class SceneReshade(bpy.types.PropertyGroup):
     samples: IntProperty(
         name="Samples",
         description="Samples a pixel when the edited scene is rendered; more give less noise",
-        default=256,
+        default=64,
         min=1,
         soft_max=4096,
     )

@@ -33,7 +33,8 @@ def render(
         count = min(CHUNK, samples - done)
         total += count * _render_once(scene, count, seed + done // CHUNK, direct_only)
         done += count
-    return total / samples
+    # As much as a float EXR holds, so that a render that was kept equals one made anew.
+    return (total / samples).astype(np.float32).astype(np.float64)
 
 
 def _render_once(scene: bpy.types.Scene, samples: int, seed: int, direct_only: bool) -> Array:

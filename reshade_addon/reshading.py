@@ -45,7 +45,7 @@ def reshade(scene: bpy.types.Scene, photo: Photo, samples: int) -> Generator[Pro
         camera = read_camera(scene, photo.size)
         covered = yield from part(_covered(camera, then, now), 0.0, 0.1)
         with _alike(scene, before, photo.size):
-            was = yield from part(render(before, samples), 0.1, 0.55)
+            was = yield from part(reference.picture(scene, before, samples), 0.1, 0.55)
             is_now = yield from part(render(scene, samples), 0.55, 1.0)
     return combine(photo.linear, was, is_now, covered)
 

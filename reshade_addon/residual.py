@@ -4,12 +4,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..core.color import linear_to_srgb, luminance
-from ..core.types import Array
+from ..core.types import Array, Mask
 
 # Dark in the middle, so that what fits is black: blue where the photo is darker than the render, orange where brighter.
 _STOPS = np.array([-1.0, -0.5, 0.0, 0.5, 1.0])
 _COLOURS = np.array([[0.75, 0.92, 1.0], [0.16, 0.47, 0.86], [0.05, 0.05, 0.06], [0.86, 0.40, 0.10], [1.0, 0.93, 0.72]])
-_INK = 0.85
+_INK, _LEFT_OUT = 0.85, 0.25
 
 # 3 x 5 dots a glyph, a row a number, the left dot the highest bit
 _GLYPHS = {
@@ -30,16 +30,17 @@ _GLYPHS = {
 }
 
 
-def residual_picture(photo: ArrayLike, render: ArrayLike, extent: float | None = None) -> Array:
+def residual_picture(photo: ArrayLike, render: ArrayLike, modelled: Mask, extent: float | None = None) -> Array:
     """Draw the difference in lightness of two linear pictures (H, W, 3), photo less render; encoded, (H', W', 3).
 
     Lightness is the sRGB-encoded luminance in 8-bit steps. The bar at the right says what the colours mean.
+    modelled : (H, W) pixels that show the scene's geometry; the others are left out, in grey
     extent : steps at the ends of the bar; None: as large as needed for 99 % of the pixels, at least 10
     """
     shown = [linear_to_srgb(np.clip(luminance(picture), 0.0, 1.0)) * 255 for picture in (photo, render)]
     difference = shown[0] - shown[1]
     if extent is None:
-        extent = max(10.0, float(np.ceil(np.percentile(np.abs(difference), 99) / 10) * 10))
+        extent = max(10.0, float(np.ceil(np.percentile(np.abs(difference[modelled]), 99) / 10) * 10))
     height = difference.shape[0]
     bar = np.repeat(np.linspace(1.0, -1.0, height)[:, None], max(8, height // 24), axis=1)
     scale = max(1, height // 120)
@@ -48,7 +49,8 @@ def residual_picture(photo: ArrayLike, render: ArrayLike, extent: float | None =
         middle = (1 - value / extent) / 2 * (height - 1)
         _write(ticks, f"{value:+.0f}" if value else "0", int(middle), 2 * scale, scale)
     gap = np.zeros((height, max(4, height // 60), 3)) + _COLOURS[2]
-    return np.concatenate([_colours(difference / extent), gap, _colours(bar), ticks], axis=1)
+    drawn = np.where(modelled[..., None], _colours(difference / extent), _LEFT_OUT)
+    return np.concatenate([drawn, gap, _colours(bar), ticks], axis=1)
 
 
 def _colours(value: Array) -> Array:

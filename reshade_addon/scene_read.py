@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ..core import camera as pinhole
 from ..core.errors import ReshadeError
 from ..core.light_units import emission, intensity_from_power, radiance_from_power
-from ..core.types import AreaLight, Array, Buffers, Camera, Light, PointLight, Progress, SunLight
+from ..core.types import AreaLight, Array, Buffers, Camera, Light, Mask, PointLight, Progress, SunLight
 from .geometry import RayCaster, SceneGeometry, read_geometry
 from .render_depsgraph import with_render_depsgraph
 
@@ -142,6 +142,13 @@ def read_buffers(view: SceneView, stride: int = 1) -> Generator[Progress, None, 
         names=tuple(geometry.materials[index] for index in used),
         stride=stride,
     )
+
+
+def silhouette(view: SceneView) -> Generator[Progress, None, Mask]:
+    """Find the pixels (H, W) whose centres show any geometry."""
+    centres = pinhole.pixel_centres(view.camera.width, view.camera.height)
+    seen = yield from _cast(view, centres.reshape(-1, 2), 0.0, 1.0)
+    return (seen.triangle >= 0).reshape(centres.shape[:2])
 
 
 @dataclass(frozen=True, slots=True)

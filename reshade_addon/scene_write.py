@@ -154,6 +154,7 @@ def write_photo(scene: bpy.types.Scene, camera: bpy.types.Object, photo: bpy.typ
     scene.render.resolution_x, scene.render.resolution_y = photo.size
     scene.render.resolution_percentage = 100
     scene.render.pixel_aspect_x = scene.render.pixel_aspect_y = 1.0
+    scene.render.film_transparent = True  # what is not modelled shows the photo in the viewport
     data = camera.data
     behind = next((b for b in data.background_images if b.image == photo), None) or data.background_images.new()
     behind.image = photo

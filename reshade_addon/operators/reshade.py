@@ -34,6 +34,7 @@ class RESHADE_OT_reshade(Job, bpy.types.Operator):
         """Keep the reshaded photo as an image and show it in open image editors."""
         choices = context.scene.reshade
         choices.reshaded = picture_image(RESULT, result, choices.reshaded)
+        choices.reshaded.preview_ensure()
         shown = False
         for area in context.screen.areas if context.screen else ():
             if area.type == "IMAGE_EDITOR":

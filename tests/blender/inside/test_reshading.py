@@ -294,3 +294,25 @@ def test_stopping_midway_leaves_no_trace(explained, load):
     assert set(bpy.data.user_map()) != before
     steps.close()
     assert set(bpy.data.user_map()) == before
+
+
+def test_the_reference_states_render_is_kept_while_it_holds(explained, reshade, load, monkeypatch):
+    """A second edit renders only itself; other samples, another size or another reference state render both."""
+    scene, photo = explained
+    reference = load("reshade_addon.reference")
+    rendered = []
+    render = reference.render
+    monkeypatch.setattr(reference, "render", lambda *given: (rendered.append(given[1]), render(*given))[1])
+    bpy.data.lights[0].energy *= 2
+    first = reshade(scene, photo, 8)
+    np.testing.assert_array_equal(reshade(scene, photo, 8), first)
+    assert rendered == [8]
+    reshade(scene, photo, 4)
+    assert rendered == [8, 4]
+    scene.cycles.max_bounces = 1
+    reshade(scene, photo, 4)
+    assert rendered == [8, 4, 4]
+    reference.store(scene)
+    bpy.data.lights[0].energy *= 2
+    reshade(scene, photo, 4)
+    assert rendered == [8, 4, 4, 4]
