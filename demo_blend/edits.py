@@ -28,15 +28,25 @@ def lights(scene: bpy.types.Scene) -> list[bpy.types.Object]:
     return [thing for thing in scene.objects if thing.type == "LIGHT" and not thing.hide_render]
 
 
-def moved_across(scene: bpy.types.Scene, pivot: tuple[float, float, float]) -> None:
-    """Mirror each light in the upright plane through the pivot and the camera, turned to shine at the pivot."""
-    target = Vector(pivot)
-    across = scene.camera.matrix_world.to_3x3().col[0]
-    across = Vector((across.x, across.y, 0.0)).normalized()
+def across(scene: bpy.types.Scene, pivot: tuple[float, float, float]) -> None:
+    """Mirror each light in the upright plane through the pivot that the camera looks along; it shines at the pivot."""
+    right = scene.camera.matrix_world.to_3x3().col[0]
+    right = Vector((right.x, right.y, 0.0)).normalized()
     for light in lights(scene):
-        offset = light.matrix_world.translation - target
-        light.location = target + offset - 2.0 * offset.dot(across) * across
-        light.rotation_euler = (target - light.location).to_track_quat("-Z", "Y").to_euler()
+        offset = light.matrix_world.translation - Vector(pivot)
+        _place(light, Vector(pivot), offset - 2.0 * offset.dot(right) * right)
+
+
+def opposite(scene: bpy.types.Scene, pivot: tuple[float, float, float]) -> None:
+    """Turn each light by 180 degrees about the vertical through the pivot; it shines at the pivot."""
+    for light in lights(scene):
+        offset = light.matrix_world.translation - Vector(pivot)
+        _place(light, Vector(pivot), Vector((-offset.x, -offset.y, offset.z)))
+
+
+def _place(light: bpy.types.Object, pivot: Vector, offset: Vector) -> None:
+    light.location = pivot + offset
+    light.rotation_euler = (-offset).to_track_quat("-Z", "Y").to_euler()
 
 
 def dimmed_and_warm(scene: bpy.types.Scene) -> None:
@@ -57,15 +67,15 @@ def painted(material: str, colour: tuple[float, float, float]) -> None:
 
 EDITS: dict[str, dict[str, Callable[[bpy.types.Scene], None]]] = {
     "motorcycle": {
-        "moved": lambda scene: moved_across(scene, (0.1, 2.5, 0.6)),
+        "moved": lambda scene: across(scene, (0.1, 2.5, 0.6)),
         "warm": dimmed_and_warm,
     },
     "coffee": {
-        "moved": lambda scene: moved_across(scene, (0.0, 0.0, 0.03)),
+        "moved": lambda scene: opposite(scene, (0.0, 0.0, 0.03)),
         "warm": dimmed_and_warm,
     },
     "teapot": {
-        "moved": lambda scene: moved_across(scene, (0.0, 0.0, 0.07)),
+        "moved": lambda scene: across(scene, (0.0, 0.0, 0.07)),
         "ochre": lambda _: painted("teapot", (0.75, 0.4, 0.08)),
     },
 }

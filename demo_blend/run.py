@@ -64,20 +64,20 @@ DEMOS = {
         "A motorcycle in its garage",
         "Real photo, measured geometry: depth from the Middlebury 2014 stereo set",
         motorcycle,
-        {"moved": ("The light, moved to the other side", "Mirrored across the motorcycle"), "warm": DIMMED},
+        {"moved": ("The light, moved to the other side", "Mirrored, left for right"), "warm": DIMMED},
     ),
     "coffee": Demo(
         "A cup of coffee",
         "Real photo, modelled geometry: outlines matched within 3 pixels",
         coffee,
-        {"moved": ("The light, moved to the other side", "Mirrored across the cup"), "warm": DIMMED},
+        {"moved": ("The light, moved to the other side", "Turned half a circle about the cup"), "warm": DIMMED},
     ),
     "teapot": Demo(
         "The thesis’s teapot",
         "Figure 4.11: rebuilt from its depth at every fourth pixel, start too large, 20 % off and turned",
         teapot,
         {
-            "moved": ("The light, moved to the other side", "Mirrored across the teapot"),
+            "moved": ("The light, moved to the other side", "Mirrored, left for right"),
             "ochre": ("The teapot, glazed in ochre", "Another base colour under the light that was found"),
         },
         ("--start", "start", "--quality", "accurate", "--model", "area"),
