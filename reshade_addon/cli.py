@@ -9,7 +9,7 @@ import json
 import os
 import signal
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from pathlib import Path
 from typing import Any, NoReturn, TextIO
@@ -28,6 +28,8 @@ from .residual import residual_picture
 from .scene_read import read_light, silhouette
 
 INTERRUPTED = 130
+
+Steps = Generator[Progress, None, solving.Solution]
 
 
 class Parser(argparse.ArgumentParser):
@@ -52,29 +54,53 @@ def main(argv: Sequence[str]) -> int:
         code, said = INTERRUPTED, "Interrupted; nothing was written."
     finally:
         if before is not None:  # None: a handler of Blender's own, which Python cannot put back
-            signal.signal(signal.SIGINT, before)
+            signal.signal(signal.SIGINT, before or signal.SIG_DFL)  # None: a handler that is not Python's
     print(said if code == 0 else f"reshade: {said}", file=sys.stdout if code == 0 else sys.stderr, flush=True)
     return code
 
 
 def _estimate(arguments: argparse.Namespace, console: "Console") -> tuple[int, str]:
-    with Outputs() as outputs:
-        blend, report, residual = _solution_outputs(arguments, outputs)
-        scene = open_blend(arguments.scene)
-        photo = photo_io.read_photo(arguments.photo)
+    def begin(scene: bpy.types.Scene, photo: Photo) -> Steps:
         start = _take_start(scene, arguments.start) if arguments.start else None
-        steps = solving.estimate_light(scene, photo, quality=arguments.quality, model=arguments.model, start=start)
-        solution = drain(steps, console.tell)
-        return _finish(arguments, scene, photo, solution, console, blend, report, residual)
+        return solving.estimate_light(scene, photo, quality=arguments.quality, model=arguments.model, start=start)
+
+    return _explain(arguments, console, begin)
 
 
 def _solve(arguments: argparse.Namespace, console: "Console") -> tuple[int, str]:
+    def begin(scene: bpy.types.Scene, photo: Photo) -> Steps:
+        return solving.solve_materials(scene, photo, quality=arguments.quality)
+
+    return _explain(arguments, console, begin)
+
+
+def _explain(
+    arguments: argparse.Namespace, console: "Console", begin: Callable[[bpy.types.Scene, Photo], Steps]
+) -> tuple[int, str]:
+    """Find a solution and write what was asked for. Without a trustworthy answer, that is the report alone."""
+    if arguments.residual and Path(arguments.residual).suffix.lower() != ".png":
+        raise ReshadeError(f"The residual picture '{arguments.residual}' is no PNG", "Name it .png")
     with Outputs() as outputs:
-        blend, report, residual = _solution_outputs(arguments, outputs)
+        # That all can be written is made sure of before any time is spent.
+        blend, report, residual = (
+            outputs.path(name) if name else None for name in (arguments.output, arguments.report, arguments.residual)
+        )
         scene = open_blend(arguments.scene)
-        photo = photo_io.read_photo(arguments.photo)
-        solution = drain(solving.solve_materials(scene, photo, quality=arguments.quality), console.tell)
-        return _finish(arguments, scene, photo, solution, console, blend, report, residual)
+        photo, image = photo_io.read_photo(arguments.photo), photo_image.load_image(arguments.photo)
+        solution = drain(begin(scene, photo), console.tell)
+        if not solution.estimate:
+            _write_report(report, solution.report([scene_write.LIGHT] * len(solution.estimate.lights)))
+            return 3, solution.estimate.message
+        found = solution.report(solving.apply(scene, image, solution))
+        _write_report(report, found)
+        if residual:
+            with reference.opened(scene) as copy:
+                rendered = drain(reference.picture(scene, copy.scene, scene.reshade.samples), console.tell)
+            modelled = drain(silhouette(solution.view), console.tell)
+            photo_io.write_encoded(residual, residual_picture(photo.linear, rendered, modelled))
+        if blend:
+            save_blend(blend)
+    return 0, _summary(found)
 
 
 def _render(arguments: argparse.Namespace, console: "Console") -> tuple[int, str]:
@@ -88,42 +114,6 @@ def _render(arguments: argparse.Namespace, console: "Console") -> tuple[int, str
         samples = arguments.samples or scene.reshade.samples
         photo_io.write_picture(beside, drain(reshade(scene, photo, samples), console.tell))
     return 0, f"The reshaded photo is {arguments.output}"
-
-
-def _solution_outputs(arguments: argparse.Namespace, outputs: Outputs) -> tuple[Path | None, Path | None, Path | None]:
-    """Make sure that all outputs can be written, before any time is spent on them."""
-    if arguments.residual and Path(arguments.residual).suffix.lower() != ".png":
-        raise ReshadeError(f"The residual picture '{arguments.residual}' is no PNG", "Name it .png")
-    given = (arguments.output, arguments.report, arguments.residual)
-    blend, report, residual = (outputs.path(name) if name else None for name in given)
-    return blend, report, residual
-
-
-def _finish(
-    arguments: argparse.Namespace,
-    scene: bpy.types.Scene,
-    photo: Photo,
-    solution: solving.Solution,
-    console: "Console",
-    blend: Path | None,
-    report: Path | None,
-    residual: Path | None,
-) -> tuple[int, str]:
-    """Apply a solution and write what was asked for. Without a trustworthy answer, that is the report alone."""
-    if not solution.estimate:
-        _write_report(report, solution.report([scene_write.LIGHT] * len(solution.estimate.lights)))
-        return 3, solution.estimate.message
-    names = solving.apply(scene, photo_image.load_image(arguments.photo), solution)
-    found = solution.report(names)
-    _write_report(report, found)
-    if residual:
-        with reference.opened(scene) as copy:
-            rendered = drain(reference.picture(scene, copy.scene, scene.reshade.samples), console.tell)
-        modelled = drain(silhouette(solution.view), console.tell)
-        photo_io.write_encoded(residual, residual_picture(photo.linear, rendered, modelled))
-    if blend:
-        save_blend(blend)
-    return 0, _summary(found)
 
 
 def _write_report(path: Path | None, found: dict[str, Any]) -> None:

@@ -139,14 +139,9 @@ class RayCaster:
     def visible(self, points: Array, targets: Array) -> Mask:
         """Whether nothing lies on each open segment between points (M, 3) and targets (M, 3): `types.Visible`."""
         away = targets - points
-        length = np.linalg.norm(away, axis=1)
-        cast = self._tree.ray_cast
         starts = (points - self._middle).tolist()
-        free = [
-            cast(start, direction, reach)[2] is None
-            for start, direction, reach in zip(starts, away.tolist(), length.tolist(), strict=True)
-        ]
-        return np.array(free, dtype=bool)
+        hits = map(self._tree.ray_cast, starts, away.tolist(), np.linalg.norm(away, axis=1).tolist())
+        return np.array([hit[2] is None for hit in hits], dtype=bool)
 
     def meet(self, triangle: NDArray[np.int64], origin: Array, directions: Array) -> tuple[Array, Array]:
         """Where rays meet the planes of the triangles (M,) they hit: points (M, 3), barycentric weights (M, 3)."""

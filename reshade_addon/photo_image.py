@@ -12,11 +12,18 @@ from .photo_io import read_packed, read_photo
 
 
 def load_image(path: str | Path) -> bpy.types.Image:
-    """Load a photo as an image and pack it. Raises ReshadeError where Blender cannot read it."""
-    try:
-        image = bpy.data.images.load(str(path), check_existing=False)
-    except RuntimeError as error:
-        raise ReshadeError(f"Blender cannot read the photo '{Path(path).name}' ({error})", "Save it as PNG") from None
+    """Load a photo as an image and pack it; one that is packed already is taken as it is.
+
+    Raises ReshadeError where Blender cannot read it.
+    """
+    data = Path(path).read_bytes()
+    for image in bpy.data.images:
+        if image.packed_file and image.packed_file.size == len(data) and image.packed_file.data == data:
+            return image
+    image = bpy.data.images.load(str(path), check_existing=False)
+    if not all(image.size):
+        bpy.data.images.remove(image)
+        raise ReshadeError(f"Blender cannot read the photo '{Path(path).name}'", "Save it as PNG, JPEG or EXR")
     image.name = Path(path).name
     image.pack()
     # The path on this machine means nothing in the file, and may say more than the user wants to.

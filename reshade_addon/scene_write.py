@@ -150,12 +150,15 @@ def use_nodes(owner: bpy.types.Material | bpy.types.World) -> None:
 
 
 def write_photo(scene: bpy.types.Scene, camera: bpy.types.Object, photo: bpy.types.Image) -> None:
-    """Put the photo behind the camera, give the render its size and show both as they are stored."""
+    """Put the photo behind the camera, in place of an earlier one, give the render its size and show both as stored."""
     scene.render.resolution_x, scene.render.resolution_y = photo.size
     scene.render.resolution_percentage = 100
     scene.render.pixel_aspect_x = scene.render.pixel_aspect_y = 1.0
     scene.render.film_transparent = True  # what is not modelled shows the photo in the viewport
     data = camera.data
+    for other in list(data.background_images):
+        if scene.reshade.photo not in (None, photo) and other.image == scene.reshade.photo:
+            data.background_images.remove(other)
     behind = next((b for b in data.background_images if b.image == photo), None) or data.background_images.new()
     behind.image = photo
     behind.alpha = 1.0

@@ -23,10 +23,6 @@ def set_photo(scene: bpy.types.Scene, image: bpy.types.Image) -> None:
     if scene.camera is None:
         _new_camera(scene)
     camera = perspective_camera(scene)
-    old = scene.reshade.photo
-    for behind in list(camera.data.background_images):
-        if old is not None and behind.image == old:
-            camera.data.background_images.remove(behind)
     scene_write.write_photo(scene, camera, image)
     scene.reshade.photo = image
     scene.reshade.report = ""

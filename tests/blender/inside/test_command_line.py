@@ -298,3 +298,17 @@ def test_help_is_printed(cli, capfd):
         cli.main(["estimate", "--help"])
     assert ended.value.code == 0
     assert "--photo" in capfd.readouterr().out
+
+
+def test_estimating_again_replaces_all_and_doubles_nothing(cli, files, load, capfd):
+    out = files / "out"
+    assert cli.main(estimate(files)) == 0
+    again = estimate(files)
+    again[2] = str(out / "o.blend")
+    assert cli.main(again) == 0  # onto itself
+    scene = load("reshade_addon.blend_file").open_blend(out / "o.blend")
+    assert [obj.name for obj in scene.objects if obj.type == "LIGHT"] == ["Reshade light"]
+    images = [image.name for image in bpy.data.images if image.type == "IMAGE"]
+    assert sorted(set(images) - {"Reshade albedo"}) == ["photo.exr"] and len(images) <= 2
+    assert len(scene.camera.data.background_images) == 1
+    assert len(bpy.data.worlds) == 1 and len(bpy.data.texts) == 1
