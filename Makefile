@@ -3,6 +3,7 @@
 # make test-blender  the extension in real Blenders, each in a chroot under .build/ (needs root and Debian or Ubuntu)
 # make extension     the zips to install, one a platform, under dist/
 # make screenshot    docs/pictures/sidebar.png anew
+# make bench         accuracy and speed on scenes of known truth: the table of bench/results.md
 # Each sets up what it needs; what stands is not set up again.
 
 PYTHON := .venv/bin/python
@@ -11,10 +12,15 @@ SMOKE := .build/venv-4.5/ready
 ZIPS := dist/ready
 SOURCES := __init__.py blender_manifest.toml LICENSE $(wildcard README.md) $(shell find core reshade_addon -name '*.py')
 
-.PHONY: demo test lint types extension test-blender screenshot
+SEEDS := dev
+
+.PHONY: bench demo test lint types extension test-blender screenshot
 
 demo: $(MAIN)
 	$(PYTHON) demo_blend/run.py
+
+bench: $(MAIN)
+	$(PYTHON) -m reshade.bench.run --seeds $(SEEDS)
 
 test: lint types $(ZIPS) $(SMOKE)
 	$(PYTHON) -m pytest -rs tests/core tests/blender
