@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ..core import camera as pinhole
 from ..core.errors import ReshadeError
+from ..core.reshade import combine
 from ..core.types import Array, Camera, Photo, Progress
 from . import reference
 from .geometry import RayCaster, SceneGeometry
@@ -48,16 +49,6 @@ def reshade(scene: bpy.types.Scene, photo: Photo, samples: int) -> Generator[Pro
             was = yield from part(reference.picture(scene, before, samples), 0.1, 0.55)
             is_now = yield from part(render(scene, samples), 0.55, 1.0)
     return combine(photo.linear, was, is_now, covered)
-
-
-def combine(photo: Array, was: Array, is_now: Array, covered: Array) -> Array:
-    """Add to a photo (H, W, 3) what an edit changes, given the renders before and after it.
-
-    covered : (H, W) share of each pixel in which another object is seen than before
-    No pixel is made darker than black.
-    """
-    change = is_now - was - covered[..., None] * (photo - was)
-    return np.where(change == 0, photo, np.maximum(photo + change, np.minimum(photo, 0.0)))
 
 
 def _alike(scene: bpy.types.Scene, before: bpy.types.Scene, size: tuple[int, int]) -> ExitStack:

@@ -16,11 +16,11 @@ STAGES = (
     ("camera", "color", "form_factor", "fresnel", "light_units"),
     ("lights", "reflectance", "sensor"),
     ("specular_area", "visibility"),
-    ("albedo_map", "noise", "samples"),
+    ("albedo_map", "noise", "reshade", "samples"),
     ("light_problem",),
     ("starts",),
     ("light_fit",),
-    ("radiometric", "uncertainty"),
+    ("radiometric", "thesis_minimisers", "uncertainty"),
     ("pipeline",),
     ("report",),
 )
