@@ -61,7 +61,7 @@ class _Effort:
 
 _EFFORTS = {
     "draft": _Effort(1500, 400, 24, 200, 80, 3, 1, 1e-3),
-    "standard": _Effort(4000, 800, 64, 300, 160, 6, 2, 3e-4),
+    "standard": _Effort(4000, 800, 64, 300, 160, 8, 2, 3e-4),
     "accurate": _Effort(10000, 2500, 144, 500, 320, 8, 3, 1e-4),
 }
 QUALITIES = tuple(_EFFORTS)
