@@ -16,6 +16,7 @@ from .operators import (
     RESHADE_OT_save_reshaded,
     RESHADE_OT_solve_materials,
 )
+from .scene_write import colour_socket
 
 BIG = 1.4  # height of the one button that is a step's point
 LETTER = 6.5  # pixels, about, at the interface's scale of 1
@@ -97,15 +98,12 @@ class RESHADE_PT_materials(_Step, bpy.types.Panel):
             column = layout.column(align=True)
             for name, surface in found["surfaces"].items():
                 material = bpy.data.materials.get(name)
-                socket = _base_colour(material) if material else None
-                if socket is None:
+                socket = colour_socket(material) if material else None
+                if socket is None or socket.is_linked:
                     continue
                 row = column.row(align=True)
                 row.label(text=name, icon="TEXTURE" if surface["textured"] else "MATERIAL")
-                if socket.is_linked:
-                    row.label(text="textured")
-                else:
-                    row.prop(socket, "default_value", text="")
+                row.prop(socket, "default_value", text="")
 
 
 class RESHADE_PT_edit(_Step, bpy.types.Panel):
@@ -206,13 +204,6 @@ def _text(layout: bpy.types.UILayout, context: bpy.types.Context, text: str, ico
     column.scale_y = 0.8
     for number, line in enumerate(textwrap.wrap(text, width)):
         column.label(text=line, icon=icon if number == 0 else ("NONE" if icon == "NONE" else "BLANK1"))
-
-
-def _base_colour(material: bpy.types.Material) -> bpy.types.NodeSocket | None:
-    if material.node_tree is None:
-        return None
-    shader = next((node for node in material.node_tree.nodes if node.type == "BSDF_PRINCIPLED"), None)
-    return shader.inputs["Base Color"] if shader else None
 
 
 CLASSES = (RESHADE_PT_photo, RESHADE_PT_light, RESHADE_PT_materials, RESHADE_PT_edit, RESHADE_PT_reshade)

@@ -65,11 +65,11 @@ def add_projection(
     """Add to a material's nodes the image as the camera sees it; the image's alpha is 0 out of frame."""
     coordinates = tree.nodes.new("ShaderNodeGroup")
     coordinates.node_tree = group
-    coordinates.location = (-700, 200)
+    coordinates.location = (-900, 200)
     texture = tree.nodes.new("ShaderNodeTexImage")
     texture.image = image
     texture.extension = "CLIP"
-    texture.location = (-500, 200)
+    texture.location = (-700, 200)
     tree.links.new(coordinates.outputs["UV"], texture.inputs["Vector"])
     return texture
 

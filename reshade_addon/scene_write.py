@@ -1,6 +1,7 @@
 """What was recovered, as Blender lights, materials and world; and the photo behind the camera."""
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import bpy
 import numpy as np
@@ -12,6 +13,7 @@ from .projection import add_projection
 
 LIGHT = "Reshade light"
 WORLD = "Reshade ambient"
+TINT = "Reshade tint"  # name of the node that recolours a textured surface
 PREVIEW = "Reshade photo"  # name of the node that shows the photo on an unsolved material
 
 
@@ -102,15 +104,50 @@ def write_material(
     if texture is not None and group is not None:
         tree = material.node_tree
         image = add_projection(tree, group, texture)
-        mix = tree.nodes.new("ShaderNodeMix")
-        mix.data_type = "RGBA"
-        mix.location = (-200, 200)
-        sockets = {socket.identifier: socket for socket in mix.inputs}
-        tree.links.new(image.outputs["Alpha"], sockets["Factor_Float"])
-        sockets["A_Color"].default_value = (*surface.albedo, 1.0)
-        tree.links.new(image.outputs["Color"], sockets["B_Color"])
-        result = next(socket for socket in mix.outputs if socket.identifier == "Result_Color")
-        tree.links.new(result, colour)
+        mix = _mix(tree, "MIX", -400)
+        tree.links.new(image.outputs["Alpha"], mix.factor)
+        mix.a.default_value = (*surface.albedo, 1.0)
+        tree.links.new(image.outputs["Color"], mix.b)
+        tint = _mix(tree, "MULTIPLY", -200)
+        tint.node.name = tint.node.label = TINT
+        tint.factor.default_value = 1.0
+        tree.links.new(mix.result, tint.a)
+        tint.b.default_value = (1.0, 1.0, 1.0, 1.0)
+        tree.links.new(tint.result, colour)
+
+
+def colour_socket(material: bpy.types.Material) -> bpy.types.NodeSocket | None:
+    """The socket that recolours a material: its base colour, or the tint over its texture; None if it has neither."""
+    if material.node_tree is None:
+        return None
+    nodes = material.node_tree.nodes
+    if TINT in nodes:
+        return _sockets(nodes[TINT]).b
+    shader = next((node for node in nodes if node.type == "BSDF_PRINCIPLED"), None)
+    return shader.inputs["Base Color"] if shader else None
+
+
+class _Mix(NamedTuple):
+    """A colour mixing node and the sockets it uses; it has others of the same names for other kinds of values."""
+
+    node: bpy.types.Node
+    factor: bpy.types.NodeSocket
+    a: bpy.types.NodeSocket
+    b: bpy.types.NodeSocket
+    result: bpy.types.NodeSocket
+
+
+def _mix(tree: bpy.types.NodeTree, blend: str, x: float) -> _Mix:
+    node = tree.nodes.new("ShaderNodeMix")
+    node.data_type = "RGBA"
+    node.blend_type = blend
+    node.location = (x, 200.0)
+    return _sockets(node)
+
+
+def _sockets(node: bpy.types.Node) -> _Mix:
+    named = {socket.identifier: socket for socket in (*node.inputs, *node.outputs)}
+    return _Mix(node, *(named[name] for name in ("Factor_Float", "A_Color", "B_Color", "Result_Color")))
 
 
 def show_photo(material: bpy.types.Material, group: bpy.types.NodeTree, photo: bpy.types.Image) -> None:

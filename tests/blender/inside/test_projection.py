@@ -81,3 +81,18 @@ def test_a_textured_surface_shows_its_texture_where_there_is_one(tabletop, load,
     floor = np.s_[40:70]
     np.testing.assert_allclose(seen[floor, 2:45], picture[floor, 2:45], atol=2e-3)
     np.testing.assert_allclose(seen[floor, 52:94], np.broadcast_to(flat, (30, 42, 3)), atol=1e-4)
+
+
+def test_a_tint_recolours_a_textured_surface(tabletop, load, coordinates):
+    scene, (picture, image) = tabletop, coordinates
+    write, types, read = load("reshade_addon.scene_write"), load("core.types"), load("reshade_addon.scene_read")
+    group = load("reshade_addon.projection").projection_group(scene.camera, read.read_camera(scene, (96, 72)))
+    material = bpy.data.materials["Floor"]
+    assert write.colour_socket(material).default_value[0] == pytest.approx(0.6)
+    write.write_material(material, types.Surface("Floor", np.full(3, 0.5), 1), group, image)
+    write.colour_socket(material).default_value = (0.5, 1.0, 0.2, 1.0)
+    for name in ("Ball", "Box"):
+        bpy.data.objects[name].hide_render = True
+    write.write_world(scene, np.ones(3))
+    floor = np.s_[40:70, 2:94]
+    np.testing.assert_allclose(rendered(scene, load)[floor], (picture * [0.5, 1.0, 0.2])[floor], atol=2e-3)
