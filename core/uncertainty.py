@@ -40,6 +40,11 @@ def uncertainty_of(fit: LightFit, reach: float) -> Uncertainty:
             return Uncertainty(0.0, angle, np.zeros(2), float(deviation[2]), "its strength")
 
 
+def plain(value: float, digits: int) -> str:
+    """Write a number with so many significant digits and without an exponent."""
+    return np.format_float_positional(float(f"{value:.{digits}g}"), trim="-")
+
+
 def _weakest(light: AreaLight, deviation: Array, energy: float) -> str:
     """The least certain of the light's numbers, in words."""
     side = int(np.argmax(deviation[6:8]))
@@ -54,9 +59,9 @@ def _weakest(light: AreaLight, deviation: Array, energy: float) -> str:
     if worst == "side":
         low, high = light.size[side] / factor, light.size[side] * factor
         now = light.size[side]
-        return f"side and brightness trade off: a side of {low:.3g} to {high:.3g} m fits as well as {now:.3g}"
+        return f"side and brightness trade off: a side of {plain(low, 3)} to {plain(high, 3)} m fits as well as {plain(now, 3)}"
     if worst == "normal":
-        return f"where it points, to {np.degrees(_INTERVAL * spread['normal']):.2g} degrees"
+        return f"where it points, to {plain(np.degrees(_INTERVAL * spread['normal']), 2)} degrees"
     if worst == "centre":
-        return f"where it stands, to {100 * _INTERVAL * spread['centre']:.2g} % of its distance"
-    return f"its power, to {100 * _INTERVAL * energy:.2g} %"
+        return f"where it stands, to {plain(100 * _INTERVAL * spread['centre'], 2)} % of its distance"
+    return f"its power, to {plain(100 * _INTERVAL * energy, 2)} %"

@@ -6,6 +6,7 @@ from typing import Any
 
 import bpy
 
+from ..core.uncertainty import plain
 from . import missing
 from .operators import (
     RESHADE_OT_estimate_light,
@@ -169,17 +170,17 @@ def _light(layout: bpy.types.UILayout, context: bpy.types.Context, light: dict[s
     box.label(text=light["name"], icon="LIGHT")
     unit = "W/m²" if light["type"] == "SUN" else "W"
     energy = sure.get("log_energy")
-    _row(box, "Power", f"{light['energy']:.3g} {unit}", f"{100 * energy:.1g} %" if energy else None)
+    _row(box, "Power", f"{plain(light['energy'], 3)} {unit}", f"{plain(100 * energy, 1)} %" if energy else None)
     if "centre" in light:
         _row(box, "Place", ", ".join(f"{x:.2f}" for x in light["centre"]), _length(sure.get("centre_m")))
     if light["type"] != "POINT":
         degrees = sure.get("normal_deg")
         down = math.degrees(math.asin(max(-1.0, min(1.0, -light["normal"][2]))))
-        _row(box, "Shines", f"{abs(down):.0f}° {'down' if down >= 0 else 'up'}", f"{degrees:.1g}°" if degrees else None)
+        _row(box, "Shines", f"{abs(down):.0f}° {'down' if down >= 0 else 'up'}", f"{plain(degrees, 1)}°" if degrees else None)
     if "size" in light:
         sizes = sure.get("log_size")
         text = " × ".join(f"{x:.2f}" for x in light["size"]) + " m"
-        _row(box, "Size", text, f"{100 * max(sizes):.1g} %" if sizes else None)
+        _row(box, "Size", text, f"{plain(100 * max(sizes), 1)} %" if sizes else None)
     if sure.get("weakest"):
         _text(box, context, f"Least sure: {sure['weakest']}", "NONE")
 
@@ -193,7 +194,7 @@ def _row(layout: bpy.types.UILayout, name: str, value: str, uncertainty: str | N
 def _length(metres: float | None) -> str | None:
     if not metres:
         return None
-    return f"{metres:.2g} m" if metres >= 0.1 else f"{1000 * metres:.2g} mm"
+    return f"{plain(metres, 2)} m" if metres >= 0.1 else f"{plain(1000 * metres, 2)} mm"
 
 
 def _text(layout: bpy.types.UILayout, context: bpy.types.Context, text: str, icon: str) -> None:

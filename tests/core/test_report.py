@@ -7,6 +7,7 @@ import pytest
 
 from core.report import to_dict
 from core.types import AreaLight, Candidate, Estimate, PointLight, SunLight, Surface, Uncertainty
+from core.uncertainty import plain
 
 AREA = AreaLight(np.array([1.0, 2, 3]), np.eye(3)[0], np.eye(3)[1], np.array([0.5, 0.2]), np.array([4.0, 3.0, 2.0]))
 
@@ -61,3 +62,11 @@ def test_a_failed_estimate_says_why():
     failed = estimate(message="No light explains it")
     assert not failed
     assert to_dict(failed, "standard", ["Key"])["warnings"][0] == "No light explains it"
+
+
+@pytest.mark.parametrize(
+    ("value", "digits", "written"),
+    [(12.3, 1, "10"), (0.0456, 2, "0.046"), (1600.0, 2, "1600"), (1e-5, 1, "0.00001"), (0.0, 2, "0"), (3.0, 3, "3")],
+)
+def test_numbers_for_people_have_no_exponent(value, digits, written):
+    assert plain(value, digits) == written
