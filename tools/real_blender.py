@@ -112,7 +112,7 @@ class Chroot:
         self.check(
             *["blender", "--background", "--python-exit-code", "1", "--python", "tests/blender/run_inside.py"],
             *["--", "-rs", "tests/blender/inside"],
-            seconds=600,
+            seconds=1200,
         )
 
     def estimate(self) -> None:

@@ -50,7 +50,7 @@ def test_zip_holds_what_runs_and_nothing_else(platform: str) -> None:
 
 def test_installed_in_the_blender_of_this_environment(tmp_path: Path) -> None:
     """Everything in `inside`, in a Blender whose profile was empty before: 5.2 where Python 3.13 is to be had."""
-    run_inside(Path(sys.executable), tmp_path, INSIDE, seconds=600)
+    run_inside(Path(sys.executable), tmp_path, INSIDE, seconds=1200)
 
 
 @pytest.mark.skipif(not SMOKE_PYTHON.exists(), reason="no Python 3.11, so no Blender 4.5")
