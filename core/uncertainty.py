@@ -57,9 +57,8 @@ def _weakest(light: AreaLight, deviation: Array, energy: float) -> str:
     }
     worst = max(spread, key=lambda name: spread[name])
     if worst == "side":
-        low, high = light.size[side] / factor, light.size[side] * factor
-        now = light.size[side]
-        return f"side and brightness trade off: a side of {plain(low, 3)} to {plain(high, 3)} m fits as well as {plain(now, 3)}"
+        low, now, high = (plain(light.size[side] * by, 3) for by in (1 / factor, 1.0, factor))
+        return f"side and brightness trade off: a side of {low} to {high} m fits as well as {now}"
     if worst == "normal":
         return f"where it points, to {plain(np.degrees(_INTERVAL * spread['normal']), 2)} degrees"
     if worst == "centre":

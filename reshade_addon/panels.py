@@ -176,7 +176,8 @@ def _light(layout: bpy.types.UILayout, context: bpy.types.Context, light: dict[s
     if light["type"] != "POINT":
         degrees = sure.get("normal_deg")
         down = math.degrees(math.asin(max(-1.0, min(1.0, -light["normal"][2]))))
-        _row(box, "Shines", f"{abs(down):.0f}° {'down' if down >= 0 else 'up'}", f"{plain(degrees, 1)}°" if degrees else None)
+        text = f"{abs(down):.0f}° {'down' if down >= 0 else 'up'}"
+        _row(box, "Shines", text, f"{plain(degrees, 1)}°" if degrees else None)
     if "size" in light:
         sizes = sure.get("log_size")
         text = " × ".join(f"{x:.2f}" for x in light["size"]) + " m"
