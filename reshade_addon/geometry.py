@@ -35,7 +35,7 @@ def read_geometry(
 ) -> SceneGeometry:
     """Read all renderable surfaces of an evaluated scene, and what `note` says of each one's object.
 
-    Raises ReshadeError, naming the object, where one is scaled to nothing.
+    Raises ReshadeError, naming the object, where one is mirrored or scaled to nothing.
     """
     corners: list[Array] = []
     normals: list[Array] = []
@@ -110,10 +110,12 @@ def _mesh(obj: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> tuple[Array,
 
 
 def _turned(normals: Array, linear: Array, name: str) -> Array:
-    """Carry unit normals (T, 3, 3) to world axes: by the inverse transpose, whose sign mirrors with the object."""
+    """Carry unit normals (T, 3, 3) to world axes, by the inverse transpose."""
     scale = np.linalg.norm(linear, axis=0)
     if scale.min() <= 1e-8 * max(scale.max(), 1.0) or abs(np.linalg.det(linear / scale)) < 1e-8:
         raise ReshadeError(f"The object '{name}' is scaled to nothing", "Give it a scale other than zero or hide it")
+    if np.linalg.det(linear) < 0:
+        raise ReshadeError(f"The object '{name}' is mirrored: its scale is negative", "Apply its scale: Ctrl+A, Scale")
     turned = normals @ np.linalg.inv(linear)
     return turned / np.maximum(np.linalg.norm(turned, axis=-1, keepdims=True), 1e-30)
 

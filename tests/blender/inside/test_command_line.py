@@ -151,6 +151,10 @@ def no_material(scene):
     bpy.data.objects["Floor"].data.materials.clear()
 
 
+def mirrored(scene):
+    bpy.data.objects["Ball"].scale = (-1.0, 1.0, 1.0)
+
+
 def zero_scale(scene):
     bpy.data.objects["Ball"].scale = (0.0, 0.0, 0.0)
 
@@ -166,6 +170,7 @@ def another_shape(scene):
         (no_geometry, "no geometry"),
         (no_material, "'Floor' has no material"),
         (zero_scale, "'Ball' is scaled to nothing"),
+        (mirrored, "'Ball' is mirrored"),
         (another_shape, "96 x 72 pixels, which is not the camera's shape (72 x 72)"),
     ],
 )

@@ -79,9 +79,9 @@ def cycles_passes(scene, path):
 
 
 def awkward(scene):
-    """Make the tabletop hard to read: a mirrored and stretched ball, render levels, an instance, hidden things."""
+    """Make the tabletop hard to read: a stretched ball, render levels, an instance, hidden things."""
     ball, box = bpy.data.objects["Ball"], bpy.data.objects["Box"]
-    ball.scale = (-1.0, 1.3, 0.7)
+    ball.scale = (1.0, 1.3, 0.7)
     ball.rotation_euler = Euler((0.3, 0.2, 0.1))
     subdivision = box.modifiers.new("Subdivision", "SUBSURF")
     subdivision.levels, subdivision.render_levels = 0, 2
@@ -228,6 +228,10 @@ def spoil_flat(scene):
     bpy.data.objects["Box"].scale = (1.0, 1.0, 0.0)
 
 
+def spoil_mirrored(scene):
+    bpy.data.objects["Ball"].scale = (-1.0, 1.0, 1.0)
+
+
 def spoil_mirrored_camera(scene):
     scene.camera.scale = (-1.0, 1.0, 1.0)
 
@@ -244,6 +248,7 @@ def spoil_mirrored_camera(scene):
         (spoil_empty_slot, "'Ball' has no material"),
         (spoil_zero_scale, "'Box' is scaled to nothing"),
         (spoil_flat, "'Box' is scaled to nothing"),
+        (spoil_mirrored, "'Ball' is mirrored"),
         (spoil_mirrored_camera, "mirrored"),
     ],
 )
