@@ -1,9 +1,10 @@
 """What the demo does in Blender once a scene's light is known: renders it as it is, and edits copies of it.
 
-    python -m reshade.demo_blend.edits NAME SCENE.blend FOLDER
+    python -m reshade.demo_blend.edits NAME SCENE.blend FOLDER SAMPLES
 
-writes into the folder rendered.exr, the scene as it is, and a .blend for each edit of the demo NAME; of the teapot
-also ideal.exr, the rebuilt model under the true light.
+writes into the folder rendered.exr, the scene as it is, and a .blend for each edit of the demo NAME, which carries that
+render, so that `reshade render` with as many samples need not make it again; of the teapot also ideal.exr, the rebuilt
+model under the true light.
 """
 
 import sys
@@ -15,11 +16,11 @@ import numpy as np
 from mathutils import Vector
 
 from .. import register, unregister
+from ..reshade_addon import reference
 from ..reshade_addon.photo_io import write_picture
 from ..reshade_addon.progress import drain
 from ..reshade_addon.rendering import render
 
-SAMPLES = 64
 WARM = (1.0, 0.56, 0.23)  # linear Rec.709 of a candle-like 2400 K, its largest channel 1
 
 
@@ -81,19 +82,25 @@ EDITS: dict[str, dict[str, Callable[[bpy.types.Scene], None]]] = {
 }
 
 
-def main(name: str, path: Path, folder: Path) -> None:
+def main(name: str, path: Path, folder: Path, samples: int) -> None:
     """Write what the module's docstring says."""
     bpy.ops.wm.open_mainfile(filepath=str(path))
-    write_picture(folder / "rendered.exr", drain(render(bpy.context.scene, SAMPLES)))
-    if name == "teapot":
-        write_picture(folder / "ideal.exr", ideal_teapot())
+    scene = bpy.context.scene
+    scene.reshade.samples = samples
+    with reference.opened(scene) as copy:
+        write_picture(folder / "rendered.exr", drain(reference.picture(scene, copy.scene, samples)))
+    explained = folder / "explained.blend"
+    bpy.ops.wm.save_as_mainfile(filepath=str(explained))
     for key, edit in EDITS[name].items():
-        bpy.ops.wm.open_mainfile(filepath=str(path))
+        bpy.ops.wm.open_mainfile(filepath=str(explained))
         edit(bpy.context.scene)
-        bpy.ops.wm.save_as_mainfile(filepath=str(folder / f"{key}.blend"), compress=False)
+        bpy.ops.wm.save_as_mainfile(filepath=str(folder / f"{key}.blend"))
+    if name == "teapot":
+        bpy.ops.wm.open_mainfile(filepath=str(explained))
+        write_picture(folder / "ideal.exr", ideal_teapot(samples))
 
 
-def ideal_teapot() -> np.ndarray:
+def ideal_teapot(samples: int) -> np.ndarray:
     """The open scene's render under the true light, with the true materials: what its wrong surface alone costs."""
     from . import scene as blender
     from . import teapot
@@ -105,12 +112,12 @@ def ideal_teapot() -> np.ndarray:
     blender.set_world(scene, teapot.AMBIENT)
     for material, colour in teapot.ALBEDO.items():
         painted(material, colour)
-    return drain(render(scene, SAMPLES))
+    return drain(render(scene, samples))
 
 
 if __name__ == "__main__":
     register()
     try:
-        main(sys.argv[1], Path(sys.argv[2]), Path(sys.argv[3]))
+        main(sys.argv[1], Path(sys.argv[2]), Path(sys.argv[3]), int(sys.argv[4]))
     finally:
         unregister()

@@ -13,6 +13,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -26,7 +27,7 @@ from reshade.reshade_addon.photo_io import read_linear, read_photo
 HERE = Path(__file__).resolve().parent
 OUT = HERE.parent / "out"
 PHOTOS = Path(skimage.__file__).parent / "data"
-SAMPLES = 48  # a pixel of a reshaded photo
+AT_ONCE = 2  # scenes; one's fit, which is one thread, leaves room for another's renders
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,6 +38,7 @@ class Demo:
     subtitle: str
     prepare: Callable[[Path], tuple[Path, Path]]  # from a folder for the scene's files to its .blend and photo
     edits: dict[str, tuple[str, str]]  # title and caption of each of `edits.EDITS`
+    samples: int  # a pixel of a reshaded photo
     options: tuple[str, ...] = ()  # of `reshade estimate`
 
 
@@ -65,12 +67,14 @@ DEMOS = {
         "Real photo, measured geometry: depth from the Middlebury 2014 stereo set",
         motorcycle,
         {"moved": ("The light, moved to the other side", "Mirrored, left for right"), "warm": DIMMED},
+        24,
     ),
     "coffee": Demo(
         "A cup of coffee",
         "Real photo, modelled geometry: outlines matched within 3 pixels",
         coffee,
         {"moved": ("The light, moved to the other side", "Turned half a circle about the cup"), "warm": DIMMED},
+        48,
     ),
     "teapot": Demo(
         "The thesis’s teapot",
@@ -80,6 +84,7 @@ DEMOS = {
             "moved": ("The light, moved to the other side", "Mirrored, left for right"),
             "ochre": ("The teapot, glazed in ochre", "Another base colour under the light that was found"),
         },
+        64,
         ("--start", "start", "--quality", "accurate", "--model", "area"),
     ),
 }
@@ -106,45 +111,44 @@ def run(*command: str) -> None:
         raise StepFailed(f"{' '.join(command)}\nended with {ended.returncode}:\n{ended.stdout}{ended.stderr}")
 
 
-def show(name: str, demo: Demo) -> None:
-    """Explain, edit, reshade and print one scene."""
+def show(name: str, demo: Demo) -> str:
+    """Explain, edit and reshade one scene; returns what there is to say of it."""
     began = time.perf_counter()
     out = OUT / name
     out.mkdir(parents=True, exist_ok=True)
+    solved, report_path = out / f"{name}.blend", out / "report.json"
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)
         scene, photo_path = demo.prepare(folder)
-        solved, report_path = out / f"{name}.blend", out / "report.json"
-        outputs = ("--output", solved, "--report", report_path, "--residual", out / "residual.png")
-        reshade("estimate", "--scene", scene, "--photo", photo_path, *demo.options, *outputs)
-        python("edits", name, solved, folder)
+        reshade("estimate", "--scene", scene, "--photo", photo_path, *demo.options,
+                "--output", solved, "--report", report_path)  # fmt: skip
+        python("edits", name, solved, folder, str(demo.samples))
         for key in demo.edits:
             target = folder / f"{key}.exr"
-            reshade("render", "--scene", folder / f"{key}.blend", "--output", target, "--samples", str(SAMPLES))
+            reshade("render", "--scene", folder / f"{key}.blend", "--output", target, "--samples", str(demo.samples))
 
-        photo, rendered = read_photo(photo_path).linear, read_linear(folder / "rendered.exr")
         report = json.loads(report_path.read_text())
+        photo, rendered = read_photo(photo_path).linear, read_linear(folder / "rendered.exr")
+        # Where the render shows the bare world, nothing is modelled.
+        modelled = np.abs(rendered - report["ambient"].get("radiance", 0.0)).max(axis=-1) > 1e-6
         panels = [
             Panel("Photo", "As it was taken" if name != "teapot" else "As Cycles took it, direct light only", photo),
-            Panel("Rendered", "The scene under the light and with the materials found", rendered),
-            residual_panel(photo, rendered),
+            Panel("Rendered", "The scene, its light and materials as they were found", rendered * modelled[..., None]),
+            residual_panel(photo, np.where(modelled[..., None], rendered, photo)),
         ]
         panels += [Panel(*demo.edits[key], read_linear(folder / f"{key}.exr")) for key in demo.edits]
         if name == "teapot":
             truth = json.loads((folder / "truth.json").read_text())
             facts = figure_4_11(photo, rendered, read_linear(folder / "ideal.exr"), report, truth)
         else:
-            facts = found(report)
-    page = contact_sheet.sheet(demo.title, demo.subtitle, panels, facts, typeface())
-    page.save(out / "sheet.png")
+            facts = found(report, photo[modelled], rendered[modelled])
+    contact_sheet.sheet(demo.title, demo.subtitle, panels, facts, typeface()).save(out / "sheet.png")
 
-    print(f"\n{demo.title} ({time.perf_counter() - began:.0f} s)")
-    for row in facts.rows:
-        print(f"  {row[0]:<22}" + "".join(f"{cell:<14}" for cell in row[1:]).rstrip())
-    print(f"  {facts.note}")
-    for warning in report["warnings"]:
-        print(f"  {warning}")
-    print(f"  Look at {shown(out / 'sheet.png')}; edit {shown(solved)}; all numbers: {shown(report_path)}", flush=True)
+    lines = [f"{demo.title} ({time.perf_counter() - began:.0f} s)"]
+    lines += [f"  {row[0]:<20}" + "".join(f"{cell:<10}" for cell in row[1:]).rstrip() for row in facts.rows]
+    lines += [f"  {facts.note}", *(f"  {warning}" for warning in report["warnings"])]
+    lines.append(f"  Look at {shown(out / 'sheet.png')}, edit {shown(solved)}, all numbers: {shown(report_path)}")
+    return "\n".join(lines)
 
 
 def residual_panel(photo: Array, rendered: Array) -> Panel:
@@ -153,8 +157,8 @@ def residual_panel(photo: Array, rendered: Array) -> Panel:
     return Panel("Residual", "Photo − render, 8-bit steps", picture, extent)
 
 
-def found(report: dict[str, Any]) -> Facts:
-    """What the report says of the light."""
+def found(report: dict[str, Any], photo: Array, rendered: Array) -> Facts:
+    """What the report says of the light, and how far the render is from the photo."""
     light = report["lights"][0]
     sure = light.get("uncertainty") or {}
     sun = light["type"] == "SUN"
@@ -167,7 +171,8 @@ def found(report: dict[str, Any]) -> Facts:
     ambient = report["ambient"].get("radiance")
     if ambient:
         rows.append(("Ambient", f"{numbers(ambient, 3)} W m⁻² sr⁻¹"))
-    rows.append(("Left over", f"{numbers(report['residual']['mean_abs_8bit'], 1)} 8-bit steps"))
+    apart = contact_sheet.encode(photo).astype(float) - contact_sheet.encode(rendered)
+    rows.append(("Residual", f"{numbers(np.abs(apart).mean(axis=0).tolist(), 1)} 8-bit steps, mean"))
     rows.append(("Time", f"{report['seconds']['total']:.0f} s to estimate"))
     return Facts("What was found", tuple(rows), f"Least certain: {sure['weakest']}." if sure.get("weakest") else "")
 
@@ -221,12 +226,14 @@ def main(names: list[str]) -> int:
         print(f"There is no demo '{unknown[0]}'. There are: {', '.join(DEMOS)}.", file=sys.stderr)
         return 2
     began, failed = time.perf_counter(), 0
-    for name in names or DEMOS:
-        try:
-            show(name, DEMOS[name])
-        except StepFailed as error:
-            failed = 1
-            print(f"\n{DEMOS[name].title}: {error}", file=sys.stderr)
+    with ThreadPoolExecutor(AT_ONCE) as pool:
+        shows = {pool.submit(show, name, DEMOS[name]): name for name in names or DEMOS}
+        for ended in as_completed(shows):
+            try:
+                print(f"\n{ended.result()}", flush=True)
+            except StepFailed as error:
+                failed = 1
+                print(f"\n{DEMOS[shows[ended]].title}: {error}", file=sys.stderr)
     print(f"\n{time.perf_counter() - began:.0f} s in all")
     return failed
 
