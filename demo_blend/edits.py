@@ -7,13 +7,14 @@ render, so that `reshade render` with as many samples need not make it again; of
 model under the true light.
 """
 
+import math
 import sys
 from collections.abc import Callable
 from pathlib import Path
 
 import bpy
 import numpy as np
-from mathutils import Vector
+from mathutils import Matrix, Vector
 
 from .. import register, unregister
 from ..reshade_addon import reference
@@ -30,31 +31,34 @@ def lights(scene: bpy.types.Scene) -> list[bpy.types.Object]:
 
 
 def across(scene: bpy.types.Scene, pivot: tuple[float, float, float]) -> None:
-    """Mirror each light in the upright plane through the pivot that the camera looks along; it shines at the pivot."""
+    """Mirror each light in the upright plane through the pivot that the camera looks along."""
     right = scene.camera.matrix_world.to_3x3().col[0]
-    right = Vector((right.x, right.y, 0.0)).normalized()
+    normal = Vector((right.x, right.y, 0.0)).normalized()
+    # A light is its own mirror image: flipped along its x, the mirrored one is a rotated one.
+    flip = Matrix.Scale(-1.0, 4, Vector((1.0, 0.0, 0.0)))
     for light in lights(scene):
-        offset = light.matrix_world.translation - Vector(pivot)
-        _place(light, Vector(pivot), offset - 2.0 * offset.dot(right) * right)
+        light.matrix_world = _about(pivot, Matrix.Scale(-1.0, 4, normal)) @ light.matrix_world @ flip
 
 
 def opposite(scene: bpy.types.Scene, pivot: tuple[float, float, float]) -> None:
-    """Turn each light by 180 degrees about the vertical through the pivot; it shines at the pivot."""
+    """Turn each light by 180 degrees about the vertical through the pivot."""
     for light in lights(scene):
-        offset = light.matrix_world.translation - Vector(pivot)
-        _place(light, Vector(pivot), Vector((-offset.x, -offset.y, offset.z)))
+        light.matrix_world = _about(pivot, Matrix.Rotation(math.pi, 4, "Z")) @ light.matrix_world
 
 
-def _place(light: bpy.types.Object, pivot: Vector, offset: Vector) -> None:
-    light.location = pivot + offset
-    light.rotation_euler = (-offset).to_track_quat("-Z", "Y").to_euler()
+def _about(pivot: tuple[float, float, float], transform: Matrix) -> Matrix:
+    there = Matrix.Translation(pivot)
+    return there @ transform @ there.inverted()
 
 
 def dimmed_and_warm(scene: bpy.types.Scene) -> None:
-    """A quarter of the light, and that of a candle."""
+    """A quarter of the light, and that of a candle; the ambient light, which comes from it, too."""
     for light in lights(scene):
         light.data.energy *= 0.25
         light.data.color = WARM
+    world = next(node for node in scene.world.node_tree.nodes if node.type == "BACKGROUND").inputs
+    world["Strength"].default_value *= 0.25
+    world["Color"].default_value[:3] = [a * b for a, b in zip(world["Color"].default_value, WARM, strict=False)]
 
 
 def painted(material: str, colour: tuple[float, float, float]) -> None:

@@ -23,6 +23,7 @@ import skimage
 from reshade.demo_blend import contact_sheet
 from reshade.demo_blend.contact_sheet import Array, Facts, Panel
 from reshade.reshade_addon.photo_io import read_linear, read_photo
+from scipy import ndimage
 
 HERE = Path(__file__).resolve().parent
 OUT = HERE.parent / "out"
@@ -60,7 +61,7 @@ def teapot(folder: Path) -> tuple[Path, Path]:
     return folder / "teapot.blend", folder / "teapot.exr"
 
 
-DIMMED = ("The light, dimmed and warm", "A quarter of its power, the colour of a candle")
+DIMMED = ("The light, dimmed and warm", "A quarter of its power, the colour of a candle, ambient included")
 DEMOS = {
     "motorcycle": Demo(
         "A motorcycle in its garage",
@@ -129,8 +130,9 @@ def show(name: str, demo: Demo) -> str:
 
         report = json.loads(report_path.read_text())
         photo, rendered = read_photo(photo_path).linear, read_linear(folder / "rendered.exr")
-        # Where the render shows the bare world, nothing is modelled.
-        modelled = np.abs(rendered - report["ambient"].get("radiance", 0.0)).max(axis=-1) > 1e-6
+        # Where the render shows the bare world, and at its edges, nothing is modelled.
+        bare = np.abs(rendered - report["ambient"].get("radiance", 0.0)).max(axis=-1) < 1e-6
+        modelled = ~ndimage.binary_dilation(bare)
         panels = [
             Panel("Photo", "As it was taken" if name != "teapot" else "As Cycles took it, direct light only", photo),
             Panel("Rendered", "The scene, its light and materials as they were found", rendered * modelled[..., None]),
