@@ -8,7 +8,7 @@ Only products of strength and albedo show (thesis 4.3.1). Convention: the first 
 of any albedo is 0.8.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from .types import Array, Samples
 
 LARGEST_ALBEDO = 0.8
 SCALE = "largest albedo channel 0.8, first light white: only strength times albedo can be seen"
+_COLOUR_GAIN = 0.02  # of the logarithm of what is left over: 2 % less
 _ROUNDS = 200
 _SETTLED = 1e-7
 
@@ -37,11 +38,21 @@ def solve_radiometry(samples: Samples, shading: Array, *, with_ambient: bool = T
     shading : (N, L) of each light at unit strength, shadows included
     with_ambient : False holds the ambient at zero
     Residuals beyond their surface's usual spread count less (soft-L1), so highlights and unmodelled things do not pull.
+    The ambient gets a colour of its own only where that leaves clearly less over than the first light's colour does:
+    the darkest pixels of textured surfaces say little about it, and a wrong one shows in every shadow.
     """
-    terms = np.concatenate([shading, samples.openness[:, None] * float(with_ambient)], axis=1)
-    surfaces = len(samples.names)
+    coloured = _solve(samples, shading, samples.openness * float(with_ambient))
+    if not np.any(coloured.ambient > 0):
+        return coloured
+    plain = _with_plain_ambient(samples, shading, coloured)
+    return coloured if _left_over(samples, coloured) < _left_over(samples, plain) - _COLOUR_GAIN else plain
+
+
+def _solve(samples: Samples, shading: Array, ambient: Array) -> Radiometry:
+    """Solve with an ambient of shading (N,) and any colour."""
+    terms = np.concatenate([shading, ambient[:, None]], axis=1)
     parts = np.zeros((3, terms.shape[1]))
-    albedo = np.zeros((3, surfaces))
+    albedo = np.zeros((3, len(samples.names)))
     converged = True
     for channel in range(3):
         parts[channel], albedo[channel], settled = _solve_channel(samples, terms, samples.colour[:, channel])
@@ -55,6 +66,30 @@ def solve_radiometry(samples: Samples, shading: Array, *, with_ambient: bool = T
         residual=residual,
         converged=converged,
     )
+
+
+def _with_plain_ambient(samples: Samples, shading: Array, coloured: Radiometry) -> Radiometry:
+    """Solve with an ambient of the first light's colour: none, or what one channel says of it; what leaves least."""
+
+    def with_share(ratio: float) -> Radiometry:
+        first = shading[:, :1] + ratio * samples.openness[:, None]
+        found = _solve(samples, np.concatenate([first, shading[:, 1:]], axis=1), np.zeros(len(samples)))
+        return replace(found, ambient=ratio * found.strengths[0])
+
+    lit = coloured.strengths[0] > 0
+    ratios = [0.0, *(coloured.ambient[lit] / coloured.strengths[0][lit]).tolist()]
+    return min(map(with_share, ratios), key=lambda found: _left_over(samples, found))
+
+
+def _left_over(samples: Samples, found: Radiometry) -> float:
+    """Mean over samples and channels of the logarithm of their surface's mean absolute residual."""
+    total, floor = 0.0, 1e-5 * max(float(np.mean(samples.colour)), 1e-300)
+    for s in np.unique(samples.surface):
+        of = samples.surface == s
+        weight = samples.weight[of]
+        off = np.average(np.abs(found.residual[of]), axis=0, weights=weight)
+        total += weight.sum() * float(np.log(off + floor).mean())
+    return total / float(samples.weight.sum())
 
 
 def _solve_channel(samples: Samples, terms: Array, value: Array) -> tuple[Array, Array, bool]:

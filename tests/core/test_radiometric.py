@@ -83,3 +83,11 @@ def test_nothing_is_ever_negative_or_no_number(seed, exposure, noise):
     for values in (found.strengths, found.ambient, found.albedo):
         assert np.all(np.isfinite(values)) and np.all(values >= 0)
     assert found.albedo.max() <= LARGEST_ALBEDO * (1 + 1e-12)
+
+
+def test_the_ambient_has_the_lights_colour_where_texture_hides_its_own():
+    rng = np.random.default_rng(3)
+    samples, shading = made(np.full((1, 3), 5.0), np.array([0.50, 0.52, 0.54]), ALBEDO, count=1200)
+    samples.colour[:] *= np.exp(0.3 * rng.normal(size=(1200, 1)))
+    found = solve_radiometry(samples, shading)
+    assert np.ptp(found.ambient / found.strengths[0]) < 1e-12 and found.ambient[0] > 0
