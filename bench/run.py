@@ -150,10 +150,10 @@ def main(arguments: list[str]) -> int:
             results.append((kind, seed, found))
             lines.append(line(row(kind, seed, found)))
             print(lines[-1], flush=True)
+            if chosen.keep:
+                chosen.keep.write_text(json.dumps([[*key, found] for *key, found in results], indent=1) + "\n")
     lines += summary(results)
     print("\n".join(lines[2 + len(results) :]), flush=True)
-    if chosen.keep:
-        chosen.keep.write_text(json.dumps([[*key, found] for *key, found in results], indent=1) + "\n")
     if chosen.kinds == list(KINDS) and not chosen.from_truth:
         load = ", ".join(f"{x:.1f}" for x in os.getloadavg())
         head = [
