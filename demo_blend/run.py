@@ -75,7 +75,7 @@ DEMOS = {
         "Real photo, modelled geometry: outlines matched within 3 pixels",
         coffee,
         {"moved": ("The light, moved to the other side", "Turned half a circle about the cup"), "warm": DIMMED},
-        48,
+        32,
     ),
     "teapot": Demo(
         "The thesis’s teapot",
@@ -164,7 +164,8 @@ def found(report: dict[str, Any], photo: Array, rendered: Array) -> Facts:
     light = report["lights"][0]
     sure = light.get("uncertainty") or {}
     sun = light["type"] == "SUN"
-    rows = [("Light", f"{light['type'].lower()}, {light['energy']:.3g} {'W m⁻²' if sun else 'W'}")]
+    energy = f"{light['energy']:.0f}" if light["energy"] >= 100 else f"{light['energy']:.3g}"
+    rows = [("Light", f"{light['type'].lower()}, {energy} {'W m⁻²' if sun else 'W'}")]
     if "centre" in light:
         rows.append(("Centre", f"{numbers(light['centre'])} m" + within(sure.get("centre_m"), "m")))
     rows.append(("Shines along", numbers(light["normal"]) + within(sure.get("normal_deg"), "°")))

@@ -49,7 +49,7 @@ NOISE = 0.002  # 1/m; how far a crease is off the polynomial that smooths it
 ALBEDO = {"teapot": (0.8, 0.15, 0.15), "table": (0.4, 0.38, 0.36)}  # the teapot as red as the thesis's errors are
 TABLE = np.array([[-1.5, -1.5, 0.0], [1.5, -1.5, 0.0], [1.5, 1.5, 0.0], [-1.5, 1.5, 0.0]])
 AMBIENT = (0.03, 0.03, 0.03)  # W m^-2 sr^-1
-SAMPLES = 128
+SAMPLES = 96
 
 
 def rectangle(centre: Array, target: Array, roll: float, size: tuple[float, float], radiance: float) -> AreaLight:
