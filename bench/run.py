@@ -120,7 +120,7 @@ def summary(results: list[tuple[str, int, dict]]) -> list[str]:
         out += ["", f"Nominal 90 % intervals hold the truth in {100 * np.mean(held):.0f} % of {len(held)} numbers."]
     for kind, seed, found in results:
         if "bound" in found and "centre_pct" in found:
-            bound, sides = found["bound"], " and ".join(f"{side:.1f}" for side in found["bound"]["sides_pct"])
+            bound, sides = found["bound"], " and ".join(f"{side:.2f}" for side in found["bound"]["sides_pct"])
             out += [
                 "",
                 f"Cramér–Rao bound of {kind}, seed {seed}, one standard deviation from all pixels: centre "
