@@ -12,6 +12,7 @@ from ..demo_blend import scene as blender
 Rng = np.random.Generator
 TABLE = 1.2  # half side
 BOARD = np.array([0.34, 0.22, 0.02])  # sides
+BOARD_AT = 0.35  # of the way from the scene's origin to the light
 SMOOTH = np.radians(40.0)  # edges sharper than this stay sharp
 
 
@@ -37,7 +38,7 @@ def floor_and_board(scene: bpy.types.Scene, rng: Rng, unit: float) -> None:
 
 def hang_board(scene: bpy.types.Scene, rng: Rng, unit: float, light_centre: Array) -> None:
     """A board between light and floor, which throws the only shadow; the camera looks past it."""
-    place = 0.35 * light_centre + 0.1 * unit * rng.uniform(-1, 1, 3)
+    place = BOARD_AT * light_centre + 0.1 * unit * rng.uniform(-1, 1, 3)
     mesh = _mesh("board", lambda work: bmesh.ops.create_cube(work, size=1.0))
     board = _placed(scene, mesh, "board", random_matt(rng, "board"))
     turn = Matrix.Rotation(rng.uniform(0, np.pi), 4, "Z") @ Matrix.Rotation(rng.uniform(-0.3, 0.3), 4, "X")

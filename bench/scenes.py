@@ -36,6 +36,7 @@ AIM = np.array([0.0, 0.0, 0.3])  # what distances and directions of a light are 
 EXPOSED = 0.8  # value of the photo's 99th percentile
 CLIPPED = 0.93  # share of an overexposed photo below white
 SUN_ANGLE = np.radians(0.53)
+BOARD_ROOM = 0.7  # side of a square across the light's way that holds the board
 SKY = 0.12  # radiance of a sky over what the sun makes of a white surface
 
 
@@ -192,6 +193,9 @@ def _light(rng: parts.Rng, kind: Kind, camera: Camera) -> Light:
         light = facing(kind.unit * AIM + distance * way, kind.unit * AIM, 1.0)
         light = _tilted(light, rng, np.radians(20))
         light = replace(light, size=distance * rng.uniform(*sides, 2))
+        board = replace(light, centre=parts.BOARD_AT * light.centre, size=np.full(2, BOARD_ROOM * kind.unit))
+        if kind.geometry is parts.floor_and_board and _shown(board, camera):
+            continue
         if _hangs_free(light, kind) and not _shown(light, camera):
             return light
 
