@@ -13,7 +13,7 @@ ROOT = Path(__file__).resolve().parents[2]
 # stand on.
 STAGES = (
     ("errors", "types"),
-    ("camera", "color", "form_factor", "fresnel", "light_units"),
+    ("camera", "color", "form_factor", "fresnel", "highlights", "light_units"),
     ("lights", "reflectance", "sensor"),
     ("specular_area", "visibility"),
     ("albedo_map", "noise", "reshade", "samples"),

@@ -1,0 +1,1 @@
+"""Highlights in a photo, from the photo alone (thesis chapter 3)."""

@@ -1,0 +1,146 @@
+"""The method users get: the evidence of `evidence`, under the light of `illuminant` refined on what was found."""
+
+from collections.abc import Generator
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from ..types import Array, Mask, Progress
+from . import evidence as ev
+from .clipping import clipped_channels, continued
+from .illuminant import estimate
+from .products import Split
+from .specular_free import parts
+
+LIGHT_SIDE = 400  # pixels of the longer side at which the light is estimated: it is one colour
+WORKING = 1_500_000  # pixels; a larger photo's evidence is gathered at a whole fraction of its size
+BAND = 500_000  # pixels that are split at a time
+SMOOTH = 2.0  # pixels of a photo 400 wide: scale of the Laplacian that Lee's factors are taken at
+TRUSTED = 1.5e-4  # mean square of the specular part, peak 1, from which on it says more of the light than the priors
+OWN_COLOUR = (5.0, 12.0)  # degrees between light and surface: under the first, what was found says nothing of the light
+ACCEPTED = 0.2  # share of the smallest channel that must be specular for a clipped pixel to be rebuilt
+REACH = 4  # rows beyond a band that its filters see
+
+
+def split(image: Array, usable: Mask | None = None) -> Generator[Progress, None, Split]:
+    """Split an image (H, W, 3), linear, into diffuse and specular.
+
+    usable : (H, W) pixels that show the scene; the others are left as they are. None: all
+
+    Memory beyond the input and the two outputs does not grow with the size of the image.
+    """
+    usable = np.ones(image.shape[:2], dtype=bool) if usable is None else usable
+    yield Progress(0.0, "Looking for clipped channels")
+    clipped = clipped_channels(image)
+    factor = int(np.ceil(np.sqrt(usable.size / WORKING)))
+    working, working_clipped, working_usable = (
+        (image, clipped, usable) if factor == 1 else _reduced(image, clipped, usable, factor)
+    )
+    yield Progress(0.05, "Estimating the light's colour")
+    light = light_colour(working, working_usable & ~working_clipped.any(axis=2))
+    yield Progress(0.25, "Gathering evidence")
+    lit = np.maximum(working, 0.0) / light
+    lit = unclipped(lit, working_clipped)
+    seen = ev.gather(lit, working_usable & ~working_clipped.any(axis=2))
+    diffuse, specular = np.empty_like(image), np.empty_like(image)
+    height, width = usable.shape
+    rows_each = max(BAND // width, 1)
+    for start in range(0, height, rows_each):
+        yield Progress(0.4 + 0.6 * start / height, "Splitting")
+        stop = min(start + rows_each, height)
+        first, last = max(start - REACH, 0), min(stop + REACH, height)
+        rows, columns = np.meshgrid(np.arange(first, last), np.arange(width), indexing="ij")
+        band = np.maximum(image[first:last], 0.0) / light
+        if factor == 1:
+            kept, steady, band = seen.kept[first:last], seen.steady[first:last], lit[first:last]
+        else:
+            kept, steady = (_enlarged(x, rows, columns, factor) for x in (seen.kept, seen.steady))
+            if clipped[first:last].any():
+                free = np.stack([_enlarged(lit[..., c], rows, columns, factor) for c in range(3)], axis=2)
+                band = _rebuilt(band, clipped[first:last], parts(free)[1])
+        longer = max(height, width)
+        found = ev.specular(seen, band, rows / longer, columns / longer, kept, steady)
+        inner = slice(start - first, stop - first)
+        part = np.where(usable[start:stop], found[inner], 0.0)
+        specular[start:stop] = part[..., None] * light
+        rest = image[start:stop] - specular[start:stop]
+        at = clipped[start:stop].any(axis=2) & (part > ACCEPTED * parts(band[inner])[0])
+        rest[at] = (band[inner][at] - part[at][:, None]) * light
+        diffuse[start:stop] = rest
+    return Split(diffuse, specular, light)
+
+
+def light_colour(image: Array, usable: Mask) -> Array:
+    """Colour of the light (3,), largest channel 1: the estimate, then Lee's factors where highlights were found.
+
+    Lee's factors make the diffuse part smoothest (`lee`); taken over the found highlights alone, their assumption
+    that highlights vary faster than the surface holds there.
+    """
+    factor = int(np.ceil(max(usable.shape) / LIGHT_SIDE))
+    if factor > 1:
+        image, _, usable = _reduced(image, np.zeros((*usable.shape, 3), dtype=bool), usable, factor)
+    light = estimate(image, usable)
+    lit = np.maximum(image, 0.0) / light
+    seen = ev.gather(lit, usable)
+    found = np.where(usable, ev.whole(seen, lit), 0.0)
+    saliency = float((found**2).mean()) / seen.peak**2
+    if saliency < 0.01 * TRUSTED:
+        return light
+    sigma = SMOOTH * max(usable.shape) / 400
+    bend = ndimage.gaussian_laplace(parts(lit)[0], sigma)
+    weight = ndimage.gaussian_filter(found / found.max(), sigma) * bend
+    factors = np.array([(weight * ndimage.gaussian_laplace(image[..., c], sigma)).sum() for c in range(3)])
+    factors = np.maximum(factors / factors.max(), 1e-6)
+    surface = ndimage.gaussian_filter(image - found[..., None] * light, (2 * sigma, 2 * sigma, 0))
+    cosine = (surface @ factors) / np.linalg.norm(factors) / (np.linalg.norm(surface, axis=2) + 1e-300)
+    energy = weight * bend
+    sine = np.sqrt((energy * (1 - np.clip(cosine, 0, 1) ** 2)).sum() / energy.sum())
+    trust = saliency**2 / (saliency**2 + TRUSTED**2)
+    trust *= float(ev.ramp(np.degrees(np.arcsin(np.clip(sine, 0, 1))), *OWN_COLOUR))
+    light = np.exp(trust * np.log(factors / factors[1]) + (1 - trust) * np.log(light / light[1]))
+    return light / light.max()
+
+
+def unclipped(image: Array, clipped: Mask) -> Array:
+    """An image (H, W, 3) in units of the light, with clipped channels (H, W, 3) extrapolated from the others."""
+    hole: Mask = np.asarray(clipped.any(axis=2))
+    if not hole.any() or hole.all():
+        return image
+    return _rebuilt(image, clipped, continued(parts(image)[1], hole))
+
+
+def _rebuilt(image: Array, clipped: Mask, free: Array) -> Array:
+    """Colours whose specular-free part is `free` (H, W, 3) and that agree with the channels that are not clipped."""
+    hole = clipped.any(axis=2)
+    known = ~clipped[hole]
+    above = image[hole] - free[hole]
+    some = known.any(axis=1)
+    # All channels clipped: the smallest is at least what explains the one that reaches its ceiling last.
+    smallest = np.where(some, (above * known).sum(axis=1) / np.maximum(known.sum(axis=1), 1), above.max(axis=1))
+    rebuilt = image.copy()
+    rebuilt[hole] = np.maximum(smallest, 0.0)[:, None] + free[hole]
+    rebuilt[clipped] = np.maximum(rebuilt[clipped], image[clipped])
+    return rebuilt
+
+
+def _reduced(image: Array, clipped: Mask, usable: Mask, factor: int) -> tuple[Array, Mask, Mask]:
+    """An image, its clipped channels and its usable pixels at 1 / factor of the size: mean, any, all."""
+    height, width = (n // factor for n in usable.shape)
+    small = np.zeros((height, width, 3))
+    any_clipped = np.zeros((height, width, 3), dtype=bool)
+    all_usable = np.ones((height, width), dtype=bool)
+    for i in range(factor):  # offset by offset, so that no second copy of the whole image is made
+        for j in range(factor):
+            at = (slice(i, height * factor, factor), slice(j, width * factor, factor))
+            small += image[at]
+            any_clipped |= clipped[at]
+            all_usable &= usable[at]
+    return small / factor**2, any_clipped, all_usable
+
+
+def _enlarged(small: Array, rows: NDArray[np.intp], columns: NDArray[np.intp], factor: int) -> Array:
+    """Values of a reduced map at pixels of the whole image, linearly between block centres."""
+    where = [(x - (factor - 1) / 2) / factor for x in (rows, columns)]
+    values: Array = ndimage.map_coordinates(small, where, order=1, mode="nearest")
+    return values

@@ -1,0 +1,101 @@
+"""How much of a photo is highlight, and where the photo does not say: then none.
+
+Four things must agree. (1) The smallest channel is more than its neighbours of like specular-free colour explain
+(`specular_free`), by more than texture and noise do. (2) The colour is far enough from the light's own: a neutral
+surface carries no chromatic evidence, and white paint, pale walls and grey objects are left alone. (3) The
+specular-free colour does not fall or turn where brightness rises: under a highlight it goes on, at the edge of white
+paint it does not, and the mixed pixels along that edge are told apart by this alone. (4) It is small: what a
+morphological opening keeps is shading.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import ndimage
+
+from ..types import Array, Mask
+from .specular_free import NOISE, Grid, build, parts
+
+TEXTURE = 0.01  # relative; reflectance varies by this much on the plainest surfaces
+SALIENT = 0.014  # of the peak: fainter than this (3 steps of 8 bits) a highlight is not seen, and fades out
+NEUTRAL, COLOURED = 0.15, 0.25  # max(D) / M: under the first nothing is said, above the second all
+TURN = 0.25  # of the specular-free colour, for a brightening by one standard deviation
+EDGE = 0.006  # of the longer side, 2 to 4 pixels: the width of the edge of paint
+LARGEST = 0.04  # of the longer side: half the width of the largest highlight
+STRIDE = 2  # every second pixel both ways says enough about the neighbourhoods
+
+
+@dataclass(frozen=True, slots=True)
+class Evidence:
+    """What is known of a photo at working resolution, from which each pixel's specular part follows."""
+
+    grid: Grid
+    kept: Array  # (h, w) opening of M: what is too large for a highlight
+    steady: Array  # (h, w) 0..1, how steady the specular-free colour is where brightness changes
+    noise: float
+    peak: float
+
+
+def gather(image: Array, usable: Mask, stride: int = STRIDE) -> Evidence:
+    """Gather the evidence of an image (H, W, 3) in units of the light; `usable` (H, W): neither clipped nor hidden."""
+    smallest, free = parts(image)
+    brightest = image.max(axis=2)
+    peak = float(np.percentile(brightest, 99.9)) + 1e-300
+    grid = build(smallest, free, usable & (brightest > 2 * NOISE * peak), peak, stride)
+    longer = max(smallest.shape)
+    side = 2 * int(LARGEST * longer) + 1
+    kept = ndimage.maximum_filter(ndimage.minimum_filter(smallest, side), side)
+    return Evidence(grid, kept, _steadiness(smallest, free, grid.noise, max(1.0, EDGE * longer)), grid.noise, peak)
+
+
+def specular(evidence: Evidence, image: Array, rows: Array, columns: Array, kept: Array, steady: Array) -> Array:
+    """Specular part (H, W) of an image (H, W, 3) in units of the light.
+
+    rows, columns : (H, W) of each pixel, in units of the whole photo's longer side
+    kept, steady : (H, W) the evidence's maps at these pixels
+    """
+    smallest, free = parts(image)
+    n = evidence.noise
+    ratio, spread = evidence.grid.ratio(rows, columns, free)
+    gain = np.exp(ratio)
+    diffuse = gain * (free.max(axis=2) + n) - n
+    found = np.clip(smallest - diffuse, 0.0, np.maximum(smallest, 0.0))
+    doubt = (TEXTURE + spread) * diffuse + gain * n + n
+    sure = found**2 / (found**2 + doubt**2 + 1e-300)
+    colour = ndimage.gaussian_filter(free, (1, 1, 0)).max(axis=2) / (np.abs(ndimage.gaussian_filter(smallest, 1)) + n)
+    out = np.minimum(found * sure * ramp(colour, NEUTRAL, COLOURED) * steady, np.maximum(smallest - kept, 0.0))
+    return out * out**2 / (out**2 + (SALIENT * evidence.peak) ** 2)
+
+
+def whole(evidence: Evidence, image: Array) -> Array:
+    """Specular part (H, W) of the image that the evidence was gathered from."""
+    height, width = image.shape[:2]
+    rows, columns = np.meshgrid(np.arange(height), np.arange(width), indexing="ij")
+    longer = max(height, width)
+    return specular(evidence, image, rows / longer, columns / longer, evidence.kept, evidence.steady)
+
+
+def ramp(x: Array, low: float, high: float) -> Array:
+    """0 below `low`, 1 above `high`, a smooth step (cubic) between."""
+    t = np.clip((x - low) / (high - low), 0.0, 1.0)
+    return t * t * (3 - 2 * t)
+
+
+def _steadiness(smallest: Array, free: Array, noise: float, sigma: float) -> Array:
+    """1 where the specular-free colour stays or grows with brightness, falling to 0 as it falls or turns.
+
+    The measure is the covariance of D with M over a Gaussian window, per standard deviation of M, relative to D.
+    """
+
+    def mean(x: Array) -> Array:
+        return ndimage.gaussian_filter(x, sigma, truncate=3)
+
+    level = mean(smallest)
+    deviation = np.sqrt(np.maximum(mean(smallest**2) - level**2, 0.0))
+    colour = np.stack([mean(free[..., c]) for c in range(3)], axis=2)
+    change = np.stack([mean(free[..., c] * smallest) for c in range(3)], axis=2) - colour * level[..., None]
+    change /= (deviation + 0.15 * noise)[..., None]
+    size = np.sqrt((colour**2).sum(axis=2))
+    along = (change * colour).sum(axis=2) / (size + 1e-12)
+    across = (change**2).sum(axis=2) - along**2
+    return np.exp(-(np.minimum(along, 0.0) ** 2 + np.maximum(across, 0.0)) / (TURN * (size + noise)) ** 2)

@@ -1,0 +1,119 @@
+"""The colour of the light, from one photo: by dichromatic planes, by small bright things, by what lights look like.
+
+Every pixel of one material lies in a plane through black that is spanned by the material's colour and the light's
+(Shafer; Klinker, Shafer and Kanade 1990), mixtures with white paint included. The planes of several materials
+intersect in the light's colour (Lee 1986 found the same as lines that converge in the chromaticity diagram).
+Where the planes do not decide, small bright things and the prior that lights are nearly white do.
+"""
+
+import numpy as np
+from scipy import ndimage
+
+from ..types import Array, Mask
+
+SIDE = 81  # candidates both ways in log(R/G), log(B/G), over -1..1: steps of 1.4 degrees
+RADII = (3.0, 6.0, 12.0)  # pixels of a photo 400 wide: windows in which planes are fitted
+NOISE = 0.004  # of the peak
+SHARP = 0.04  # sine of the angle within which a plane is said to hold a candidate
+BUMPS, WHITE = 0.15, 0.2  # standard deviations in log colour: of small bright things, of lights about white
+TRUST = 0.1  # weight of these two priors against the planes' mean vote
+AMBIGUOUS = (4.0, 10.0)  # degrees between light and the photo's mean colour: one material, or a tinted light?
+STRONG = (9.0, 16.0)  # degrees off white: a tint that is believed only where the above rules out one material
+BRIGHTEST = 0.003  # share of the pixels that small bright things are
+BUMP = 0.03  # of the longer side: half the size of a small bright thing
+
+
+def estimate(image: Array, usable: Mask) -> Array:
+    """Colour of the light (3,), largest channel 1, of an image (H, W, 3); pixels not `usable` (H, W) are left out."""
+    peak = float(np.percentile(image.max(axis=2), 99.9))
+    if peak <= 0:
+        return np.ones(3)
+    image = np.where(usable[..., None], np.maximum(image, 0.0), 0.0) / peak
+    steps = np.linspace(-1, 1, SIDE)
+    red, blue = (x.ravel() for x in np.meshgrid(steps, steps))
+    candidates = np.stack([np.exp(red), np.ones_like(red), np.exp(blue)], axis=1)
+    directions = candidates / np.linalg.norm(candidates, axis=1)[:, None]
+    bumps = small_bright_colour(image)
+    near_bumps = (red - np.log(bumps[0] / bumps[1])) ** 2 + (blue - np.log(bumps[2] / bumps[1])) ** 2
+    cost = TRUST * (near_bumps / BUMPS**2 + (red**2 + blue**2) / WHITE**2) / 2
+    for normals, weight in (window_planes(image), bump_planes(image)):
+        if len(normals):
+            misses = 1 - np.exp(-(((directions @ normals.T) / SHARP) ** 2) / 2)
+            cost = cost + misses @ weight / weight.sum()
+    light = candidates[int(np.argmin(cost))]
+    return _less_ambiguous(image, light)
+
+
+def small_bright_colour(image: Array) -> Array:
+    """Colour (3,), largest channel 1, of the strongest small bright things: the white top-hat, weighted twice over."""
+    hats = image - _opened(image)
+    colour = np.ones(3)
+    for _ in range(2):
+        strength = (hats / colour).min(axis=2)
+        chosen = (strength >= np.quantile(strength, 1 - BRIGHTEST)) & (strength > 0)
+        total = (hats[chosen] * strength[chosen][:, None]).sum(axis=0)
+        if not (total > 0).all():
+            break
+        colour = total / total.max()
+    return colour
+
+
+def window_planes(image: Array) -> tuple[Array, Array]:
+    """Unit normals (N, 3) of the planes through black that windows of the image span, and their weights (N,)."""
+    normals, weights = [np.empty((0, 3))], [np.empty(0)]
+    for radius in RADII:
+        sigma = max(radius * max(image.shape) / 400, 0.5)
+        step = max(int(sigma), 1)
+        moments = np.empty((*image[::step, ::step].shape[:2], 3, 3))
+        for i in range(3):
+            for j in range(i, 3):
+                mean = ndimage.gaussian_filter(image[..., i] * image[..., j], sigma, truncate=2.5)[::step, ::step]
+                moments[..., i, j] = moments[..., j, i] = mean
+        values, vectors = np.linalg.eigh(moments.reshape(-1, 3, 3))
+        values = np.maximum(values, 0.0)
+        spans = (values[:, 1] > (4 * NOISE) ** 2) & (values[:, 2] > (10 * NOISE) ** 2)
+        thickness = (values[spans, 0] + NOISE**2) / values[spans, 1]
+        normals.append(vectors[spans, :, 0])
+        weights.append(np.minimum(np.sqrt(values[spans, 1]), 0.1) * np.exp(-thickness / 0.15**2))
+    return np.concatenate(normals), np.concatenate(weights)
+
+
+def bump_planes(image: Array, most: int = 4000) -> tuple[Array, Array]:
+    """Unit normals (N, 3) of the planes through small bright things and what they lie on, and their weights (N,)."""
+    under = _opened(image)
+    hats = ndimage.gaussian_filter(image - under, (1, 1, 0))
+    under = ndimage.gaussian_filter(under, (1, 1, 0))
+    strength = hats.min(axis=2)
+    chosen = (strength >= np.quantile(strength, 0.97)) & (strength > 0.01) & (under.max(axis=2) > 0.01)
+    hats, under, strength = hats[chosen], under[chosen], strength[chosen]
+    every = len(hats) // most + 1
+    hats, under, strength = hats[::every], under[::every], strength[::every]
+    if len(hats) == 0:
+        return np.empty((0, 3)), np.empty(0)
+    normals = np.cross(under / np.linalg.norm(under, axis=1)[:, None], hats / np.linalg.norm(hats, axis=1)[:, None])
+    sine = np.linalg.norm(normals, axis=1)
+    return normals / (sine + 1e-9)[:, None], strength * sine / (sine + 0.05) + 1e-12
+
+
+def degrees_between(a: Array, b: Array) -> float:
+    """Angle between two colours, degrees."""
+    return float(np.degrees(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b)))
+
+
+def _less_ambiguous(image: Array, light: Array) -> Array:
+    """Bring a strongly tinted light that looks like the whole photo back towards white: one material is likelier."""
+    mean = (image * image.sum(axis=2)[..., None]).reshape(-1, 3).sum(axis=0)
+    alike = 1 - _ramp(degrees_between(light, mean), *AMBIGUOUS)
+    tinted = _ramp(degrees_between(light, np.ones(3)), *STRONG)
+    light = np.exp((1 - alike * tinted) * np.log(light / light[1]))
+    return light / light.max()
+
+
+def _ramp(x: float, low: float, high: float) -> float:
+    t = min(max((x - low) / (high - low), 0.0), 1.0)
+    return t * t * (3 - 2 * t)
+
+
+def _opened(image: Array) -> Array:
+    side = 2 * int(BUMP * max(image.shape)) + 1
+    return ndimage.maximum_filter(ndimage.minimum_filter(image, (side, side, 1)), (side, side, 1))

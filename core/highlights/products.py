@@ -1,0 +1,26 @@
+"""What a split of a photo into its diffuse and specular components is made of."""
+
+from dataclasses import dataclass
+
+from ..types import Array, Mask
+
+
+@dataclass(frozen=True, slots=True)
+class Split:
+    """A photo's two components: photo = diffuse + specular, but where the sensor clipped, where the sum is more."""
+
+    diffuse: Array  # (H, W, 3)
+    specular: Array  # (H, W, 3), 0 or more
+    light: Array  # (3,) colour of the light, largest channel 1
+    message: str = ""  # why nothing was found, where nothing was
+
+    def mask(self) -> Mask:
+        """Pixels (H, W) whose specular component is more than 4 % of the photo's peak."""
+        return self.specular.mean(axis=2) > SEEN * max(float((self.diffuse + self.specular).max()), 1e-300)
+
+    def at_strength(self, strength: float) -> Array:
+        """The photo (H, W, 3) with the share `strength` (0..1) of its highlights taken away."""
+        return self.diffuse + (1.0 - strength) * self.specular
+
+
+SEEN = 0.04  # of the peak: below this a highlight is hard to see on an 8-bit screen
