@@ -68,7 +68,7 @@ DEMOS = {
         "Real photo, measured geometry: depth from the Middlebury 2014 stereo set",
         motorcycle,
         {"moved": ("The light, moved to the other side", "Mirrored, left for right"), "warm": DIMMED},
-        24,
+        16,
     ),
     "coffee": Demo(
         "A cup of coffee",
