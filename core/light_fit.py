@@ -17,8 +17,8 @@ from .light_problem import (
     State,
     cost,
     expected_residual,
-    negative_log_likelihood,
     normal_equations,
+    score,
 )
 from .lights import coordinates, moved, reach_of
 from .types import Array, Light
@@ -79,10 +79,31 @@ def fit_light(
     return result_of(problem, state, done, converged)
 
 
+def search_light(problem: Problem, light: Light, *, widest: float, finest: float) -> Generator[float, None, Light]:
+    """Find the light near `light` that leaves least, by compass search; a generator that yields the score it has.
+
+    widest, finest : first and last step in the coordinates of `moved`
+    A point's or a sun's shadow has a hard edge: the loss is made of small stairs, and a fit stops on the first. Steps
+    along each coordinate, halved when none is better, go down the stairs.
+    """
+
+    best, step = score(problem, problem.start(light)), widest
+    while step >= finest:
+        reach, before = reach_of(light, problem.middle), best
+        for way in np.vstack([np.eye(coordinates(light)), -np.eye(coordinates(light))]):
+            trial = moved(light, step * way, reach)
+            if problem.hidden(trial) and (there := score(problem, problem.start(trial))) < best:
+                light, best = trial, there
+        yield best
+        if best == before:
+            step *= 0.5
+    return light
+
+
 def _stepped(problem: Problem, state: State, matrix: Array, slope: Array, damping: float) -> State:
     """The state after a damped Gauss-Newton step (Marquardt's scaling)."""
     diagonal = np.diag(matrix) + 1e-12 * np.trace(matrix)
-    step = -np.linalg.solve(matrix + np.diag(damping * diagonal), slope)
+    step = -np.linalg.lstsq(matrix + np.diag(damping * diagonal), slope, rcond=None)[0]
     size = coordinates(state.light)
     geometry = step[:size] * min(1.0, _LARGEST_STEP / max(np.abs(step[:size]).max(), 1e-300))
     light = moved(state.light, geometry, reach_of(state.light, problem.middle))
@@ -110,7 +131,7 @@ def result_of(problem: Problem, state: State, iterations: int, converged: bool) 
         expected=expected,
         shading=state.shade * state.share,
         loss=cost(problem, state, expected),
-        score=negative_log_likelihood(problem, state, expected),
+        score=score(problem, state),
         covariance=combine @ np.linalg.pinv(matrix, hermitian=True) @ combine.T,
         iterations=iterations,
         converged=converged,

@@ -7,12 +7,13 @@ command line drain them and either can stop between two steps.
 import time
 from collections.abc import Generator, Sequence
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 
 from .color import linear_to_srgb
-from .light_fit import LightFit, fit_light
-from .light_problem import Problem, brightness
+from .light_fit import LightFit, fit_light, search_light
+from .light_problem import Problem, brightness, score
 from .lights import reach_of, shading, with_strength
 from .noise import noise_of
 from .radiometric import SCALE, Radiometry, solve_radiometry
@@ -42,6 +43,7 @@ from .visibility import openness, visible_fraction
 _FAR = 60.0  # of the scene's extent: as good as infinity for a shadow ray
 _TEXTURED = 0.08  # robust spread of a surface's residual over its mean: more is texture, not noise
 _IN_THE_RUNNING = 0.1  # of negative log likelihood a sample: starts that end farther behind are given up
+_SUNS = 4  # directions a sun is tried from
 _UNTRUSTED = 0.6  # share of the photo's variation left over, above which no light explains it
 
 
@@ -64,6 +66,7 @@ _EFFORTS = {
     "standard": _Effort(4000, 800, 64, 300, 160, 8, 2, 3e-4),
     "accurate": _Effort(10000, 2500, 144, 500, 320, 8, 3, 1e-4),
 }
+Found = TypeVar("Found")
 QUALITIES = tuple(_EFFORTS)
 MODELS = ("auto", "area", "point", "sun")
 SOLVERS = {"trust-region": fit_light, "bfgs": fit_light_bfgs, "powell": fit_light_powell}
@@ -104,10 +107,10 @@ def estimate(
         initial = [start]
     else:
         yield Progress(0.05, "Looking for where the light may be")
-        search = first(samples, effort.search_samples)
+        looked_at = first(samples, effort.search_samples)
         found = find_starts(
-            search,
-            brightness(search),
+            looked_at,
+            brightness(looked_at),
             visible,
             hidden,
             directions=effort.directions,
@@ -133,22 +136,25 @@ def estimate(
             )
         )
     rough.sort(key=lambda fit: fit.score)
-    rough = [fit for fit in rough[: effort.finalists] if fit.score < rough[0].score + _IN_THE_RUNNING]
-    fine = problem(effort.fit_samples, effort.fit_rays)
-    fits: list[tuple[str, LightFit, float]] = []
-    best = rough[0].light
-    for name, begin in _models(model, best, rough, middle):
-        since = time.perf_counter()
-        fit = yield from _watched(
-            SOLVERS[solver](fine, begin, iterations=40, tolerance=effort.tolerance),
-            0.5 + 0.07 * len(fits),
-            0.07,
-            f"Fitting a {name}",
-        )
-        fits.append((name, fit, time.perf_counter() - since))
-    candidates = [Candidate(name, _criterion(fit, fine), seconds) for name, fit, seconds in fits]
-    pick = min(range(len(fits)), key=lambda i: candidates[i].score)
-    name, fit = fits[pick][0], fits[pick][1]
+    fine, dense = problem(effort.fit_samples, effort.fit_rays), problem(2 * effort.fit_samples, 1)
+    fits: list[tuple[str, LightFit, Candidate]] = []
+    tried = _models(model, rough, effort.finalists, middle)
+    share = 0.4 / len(tried)
+    for name, begun, guessed in tried:
+        since, begin, message = time.perf_counter(), 0.5 + share * len(fits), f"Fitting the {name} light"
+        final = fine
+        if guessed:
+            # One ray finds all of a small source's shadow, so all samples can be asked for its edge.
+            final = dense
+            rougher = fit_light(coarse, begun, iterations=14, tolerance=1e-3)
+            near = yield from _watched(rougher, begin, 0.2 * share, message)
+            search = search_light(dense, near.light, widest=0.04, finest=1e-3)
+            begun = yield from _watched(search, begin + 0.2 * share, 0.3 * share, message)
+        steps = SOLVERS[solver](final, begun, iterations=40, tolerance=effort.tolerance)
+        fit = yield from _watched(steps, begin + 0.5 * share, 0.5 * share, message)
+        fits.append((name, fit, Candidate(name, _criterion(fit, fine), time.perf_counter() - since)))
+    name, fit, _ = min(fits, key=lambda entry: entry[2].score)
+    candidates = [entry[2] for entry in fits]
     clock.mark("fit")
 
     yield Progress(0.9, "Solving materials")
@@ -226,8 +232,8 @@ def _prepared(
 
 
 def _watched(
-    fit: Generator[float, None, LightFit], begin: float, span: float, message: str
-) -> Generator[Progress, None, LightFit]:
+    fit: Generator[float, None, Found], begin: float, span: float, message: str
+) -> Generator[Progress, None, Found]:
     """Turn a fit's steps into progress that nears `begin + span`."""
     steps = 0
     while True:
@@ -239,28 +245,25 @@ def _watched(
         yield Progress(begin + span * (1 - 0.85**steps), message)
 
 
-def _models(model: str, best: Light, finalists: list[LightFit], middle: Array) -> list[tuple[str, Light]]:
-    """The (name, initial light) pairs that the model asked for stands for."""
-    assert isinstance(best, AreaLight)
-    away = best.centre - middle
-    wanted = ("area", "point", "sun") if model == "auto" else (model,)
-    starts: list[tuple[str, Light]] = []
-    for name in wanted:
-        match name:
-            case "area":
-                starts += [("area", fit.light) for fit in finalists]
-            case "point":
-                starts.append(("point", PointLight(best.centre, np.ones(3))))
-            case "sun":
-                starts.append(("sun", SunLight(-away / np.linalg.norm(away), np.ones(3))))
+def _models(model: str, rough: list[LightFit], finalists: int, middle: Array) -> list[tuple[str, Light, bool]]:
+    """What to fit for the model asked for: its name, an initial light, and whether that is no more than a guess."""
+    near = [fit for fit in rough[:finalists] if fit.score < rough[0].score + _IN_THE_RUNNING]
+    places = [fit.light.centre for fit in rough if isinstance(fit.light, AreaLight)]
+    starts: list[tuple[str, Light, bool]] = []
+    if model in ("auto", "area"):
+        starts += [("area", fit.light, False) for fit in near]
+    if model in ("auto", "point"):
+        starts.append(("point", PointLight(places[0], np.ones(3)), True))
+    if model in ("auto", "sun"):
+        ways = [(middle - place) / np.linalg.norm(middle - place) for place in places[:_SUNS]]
+        starts += [("sun", SunLight(way, np.ones(3)), True) for way in ways]
     return starts
 
 
 def _criterion(fit: LightFit, problem: Problem) -> float:
-    """Bayesian information criterion: what is left over, plus a price on each unknown."""
-    count = len(problem.samples)
-    unknowns = len(fit.covariance) - 1 + len(fit.strength) + 1
-    return 2 * count * fit.score + unknowns * float(np.log(count))
+    """Bayesian information criterion on the samples of `problem`: what is left over, plus a price on each unknown."""
+    count, unknowns = len(problem.samples), len(fit.covariance) + len(fit.strength)
+    return 2 * count * score(problem, problem.start(fit.light)) + unknowns * float(np.log(count))
 
 
 def _assembled(

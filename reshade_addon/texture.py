@@ -13,7 +13,7 @@ from .rendering import render
 from .scene_read import SceneView, read_camera
 
 PIXELS = {"draft": 250_000, "standard": 1_000_000, "accurate": 4_000_000}
-SAMPLES = {"draft": 32, "standard": 64, "accurate": 256}
+SAMPLES = {"draft": 32, "standard": 32, "accurate": 256}
 REACH = 3  # pixels a texture goes on past its surface's outline, where pixels are mixed
 
 
