@@ -1,17 +1,21 @@
-"""The add-on: Blender's side of Reshade."""
+"""The add-on: Blender's side of Reshade. Blender is imported on registering: one command does without it."""
 
-import bpy
+from typing import TYPE_CHECKING
 
-from . import operators, panels, properties
+if TYPE_CHECKING:
+    import bpy
 
 COMMAND = "reshade"
-CLASSES = (*operators.CLASSES, *panels.CLASSES)
 
 
 def register() -> None:
     """Make the add-on known to Blender."""
+    import bpy
+
+    from . import operators, panels, properties
+
     properties.register()
-    for cls in CLASSES:
+    for cls in (*operators.CLASSES, *panels.CLASSES):
         bpy.utils.register_class(cls)
     bpy.types.TOPBAR_MT_file_import.append(_import_menu)
     # Blender hands out a handle to take the command back with; it is kept where the command's function is.
@@ -20,9 +24,13 @@ def register() -> None:
 
 def unregister() -> None:
     """Undo `register`."""
+    import bpy
+
+    from . import operators, panels, properties
+
     bpy.utils.unregister_cli_command(_run_command.handle)
     bpy.types.TOPBAR_MT_file_import.remove(_import_menu)
-    for cls in reversed(CLASSES):
+    for cls in reversed((*operators.CLASSES, *panels.CLASSES)):
         bpy.utils.unregister_class(cls)
     properties.unregister()
 
@@ -33,6 +41,8 @@ def _run_command(argv: list[str]) -> int:
     return main(argv)
 
 
-def _import_menu(self: bpy.types.Menu, context: bpy.types.Context) -> None:
+def _import_menu(self: "bpy.types.Menu", context: "bpy.types.Context") -> None:
+    from . import operators
+
     self.layout.operator(operators.RESHADE_OT_import_photo.bl_idname, text="Photo to Reshade (.png/.jpg/.exr)")
     self.layout.operator(operators.RESHADE_OT_import_fspy.bl_idname, text="fSpy Camera (.fspy/.json)")

@@ -7,19 +7,19 @@ import argparse
 import ctypes
 import json
 import os
-import signal
 import sys
 from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from pathlib import Path
-from typing import Any, NoReturn, TextIO
+from typing import Any
 
 import bpy
 
 from ..core.errors import ReshadeError
 from ..core.types import AreaLight, Photo, Progress
-from . import photo_image, photo_io, reference, scene_write, solving
+from . import dehighlight, photo_image, photo_io, reference, scene_write, solving
 from .blend_file import open_blend, save_blend
+from .console import Console, Parser, ended
 from .files import Outputs
 from .progress import drain
 from .properties import MODELS, QUALITIES
@@ -27,39 +27,21 @@ from .reshading import reshade
 from .residual import residual_picture
 from .scene_read import read_light, silhouette
 
-INTERRUPTED = 130
-
 Steps = Generator[Progress, None, solving.Solution]
-
-
-class Parser(argparse.ArgumentParser):
-    """A parser whose errors are one line."""
-
-    def error(self, message: str) -> NoReturn:
-        """Raise what argparse found wrong with the arguments."""
-        raise ReshadeError(message[:1].upper() + message[1:], f"See '{self.prog} --help'")
 
 
 def main(argv: Sequence[str]) -> int:
     """Run one command and return its exit code."""
-    # Blender takes Ctrl-C for itself, as a wish to end a render; here it ends the command.
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    try:
+
+    def command() -> tuple[int, str]:
         arguments = _parser().parse_args(argv)
         with _registered(), _quiet() as console:
-            code, said = arguments.run(arguments, console)
-    except ReshadeError as error:
-        code, said = error.exit_code, str(error)
-    except KeyboardInterrupt:
-        code, said = INTERRUPTED, "Interrupted; nothing was written."
-    finally:
-        if before is not None:  # None: a handler of Blender's own, which Python cannot put back
-            signal.signal(signal.SIGINT, before or signal.SIG_DFL)  # None: a handler that is not Python's
-    print(said if code == 0 else f"reshade: {said}", file=sys.stdout if code == 0 else sys.stderr, flush=True)
-    return code
+            return arguments.run(arguments, console)
+
+    return ended(command)
 
 
-def _estimate(arguments: argparse.Namespace, console: "Console") -> tuple[int, str]:
+def _estimate(arguments: argparse.Namespace, console: Console) -> tuple[int, str]:
     def begin(scene: bpy.types.Scene, photo: Photo) -> Steps:
         start = _take_start(scene, arguments.start) if arguments.start else None
         return solving.estimate_light(scene, photo, quality=arguments.quality, model=arguments.model, start=start)
@@ -67,7 +49,7 @@ def _estimate(arguments: argparse.Namespace, console: "Console") -> tuple[int, s
     return _explain(arguments, console, begin)
 
 
-def _solve(arguments: argparse.Namespace, console: "Console") -> tuple[int, str]:
+def _solve(arguments: argparse.Namespace, console: Console) -> tuple[int, str]:
     def begin(scene: bpy.types.Scene, photo: Photo) -> Steps:
         return solving.solve_materials(scene, photo, quality=arguments.quality)
 
@@ -75,7 +57,7 @@ def _solve(arguments: argparse.Namespace, console: "Console") -> tuple[int, str]
 
 
 def _explain(
-    arguments: argparse.Namespace, console: "Console", begin: Callable[[bpy.types.Scene, Photo], Steps]
+    arguments: argparse.Namespace, console: Console, begin: Callable[[bpy.types.Scene, Photo], Steps]
 ) -> tuple[int, str]:
     """Find a solution and write what was asked for. Without a trustworthy answer, that is the report alone."""
     if arguments.residual and Path(arguments.residual).suffix.lower() != ".png":
@@ -103,7 +85,7 @@ def _explain(
     return 0, _summary(found)
 
 
-def _render(arguments: argparse.Namespace, console: "Console") -> tuple[int, str]:
+def _render(arguments: argparse.Namespace, console: Console) -> tuple[int, str]:
     photo_io.check_writable(arguments.output)
     with Outputs() as outputs:
         beside = outputs.path(arguments.output)
@@ -141,26 +123,6 @@ def _take_start(scene: bpy.types.Scene, name: str) -> AreaLight:
         raise ReshadeError(f"The light '{name}' to start from is no area light", "Name an area light")
     bpy.data.lights.remove(obj.data)  # and the object with it
     return light
-
-
-class Console:
-    """Where progress is told: a line on stderr that is written over, where stderr is a terminal."""
-
-    def __init__(self, stream: TextIO) -> None:
-        self._stream = stream
-        self._shown = stream.isatty()
-
-    def tell(self, step: Progress) -> None:
-        """Show where a computation stands."""
-        if self._shown:
-            self._stream.write(f"\r\x1b[K{100 * step.fraction:3.0f} %  {step.message}")
-            self._stream.flush()
-
-    def clear(self) -> None:
-        """Take the line away."""
-        if self._shown:
-            self._stream.write("\r\x1b[K")
-            self._stream.flush()
 
 
 @contextmanager
@@ -229,6 +191,7 @@ def _parser() -> argparse.ArgumentParser:
     render_parser.add_argument("--scene", required=True, metavar="O.blend", help="made by estimate or solve")
     render_parser.add_argument("--output", required=True, metavar="X.exr", help=".exr linear or .png 16-bit")
     render_parser.add_argument("--samples", type=_positive, metavar="N", help="a pixel; more give less noise")
+    dehighlight.add_arguments(command(dehighlight.COMMAND, dehighlight.run, dehighlight.SUMMARY))
     return parser
 
 

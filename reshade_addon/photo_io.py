@@ -31,7 +31,13 @@ def read_photo(path: str | Path, linear: bool | None = None) -> Photo:
     Raises ReshadeError for a file that is missing, unreadable or holds no finite RGB picture, and NothingToLearn for
     one that is black, clipped or tiny.
     """
-    stored, opaque = _read(Path(path))
+    return read_picture(path, linear)[0]
+
+
+def read_picture(path: str | Path, linear: bool | None = None) -> tuple[Photo, Array | None]:
+    """Read a photo as `read_photo` does, and its alpha (H, W) in 0..1, where the file has one."""
+    stored, alpha = _read(Path(path))
+    opaque = np.ones(stored.shape[:2], dtype=bool) if alpha is None else alpha >= 1
     name = Path(path).name
     if not np.issubdtype(stored.dtype, np.integer):
         bad = ~np.isfinite(stored).all(axis=-1)
@@ -53,7 +59,7 @@ def read_photo(path: str | Path, linear: bool | None = None) -> Photo:
         raise NothingToLearn(
             f"Every pixel of the photo '{name}' is clipped or transparent", "Use a photo with less exposure"
         )
-    return photo
+    return photo, alpha
 
 
 def read_packed(data: bytes, suffix: str, linear: bool | None = None) -> Photo:
@@ -69,19 +75,27 @@ def read_linear(path: str | Path) -> Array:
     return _read(Path(path))[0].astype(np.float64)
 
 
-def write_picture(path: str | Path, linear: ArrayLike) -> None:
+def write_picture(path: str | Path, linear: ArrayLike, alpha: Array | None = None) -> None:
     """Write a scene-linear picture (H, W, 3) by the extension of `path`: .exr float32 linear, .png 16-bit encoded.
+
+    alpha : (H, W) in 0..1, written with it where given; EXR gets colours multiplied by it, as its standard asks
 
     Raises ReshadeError for another extension or where the file cannot be written.
     """
     path = Path(path)
     check_writable(path)
-    linear = np.asarray(linear, dtype=np.float64)
+    linear = np.asarray(linear)
     if path.suffix.lower() == ".exr":
-        _write(path, linear.astype(np.float32), "float", {"compression": "zip", "oiio:ColorSpace": "lin_rec709"})
-    else:
-        encoded = np.clip(linear_to_srgb(linear), 0.0, 1.0)
-        _write(path, np.rint(encoded * 65535).astype(np.uint16), "uint16", {"oiio:ColorSpace": "sRGB"})
+        pixels = linear.astype(np.float32)
+        if alpha is not None:
+            pixels = np.dstack([pixels * alpha[..., None], alpha]).astype(np.float32)
+        _write(path, pixels, "float", {"compression": "zip", "oiio:ColorSpace": "lin_rec709"})
+        return
+    encoded = np.clip(linear_to_srgb(linear), 0.0, 1.0)
+    if alpha is not None:
+        encoded = np.dstack([encoded, alpha])
+    attributes = {"oiio:ColorSpace": "sRGB", "oiio:UnassociatedAlpha": 1}
+    _write(path, np.rint(encoded * 65535).astype(np.uint16), "uint16", attributes)
 
 
 def write_encoded(path: str | Path, encoded: ArrayLike) -> None:
@@ -96,8 +110,8 @@ def check_writable(path: str | Path) -> None:
         raise ReshadeError(f"The output '{Path(path).name}' is of no known kind", "Name it .exr or .png")
 
 
-def _read(path: Path) -> tuple[np.ndarray, np.ndarray]:
-    """Read a file's stored RGB values (H, W, 3), in their own type, and which pixels are opaque (H, W)."""
+def _read(path: Path) -> tuple[np.ndarray, np.ndarray | None]:
+    """Read a file's stored RGB values (H, W, 3), in their own type, and its alpha (H, W) in 0..1, if it has one."""
     import OpenImageIO as oiio
 
     if not path.is_file():
@@ -124,8 +138,7 @@ def _read(path: Path) -> tuple[np.ndarray, np.ndarray]:
     pixels = pixels.reshape(spec.height, spec.width, spec.nchannels)
     colour, alpha = _channels(tuple(spec.channelnames), path)
     full = np.iinfo(pixels.dtype).max if np.issubdtype(pixels.dtype, np.integer) else 1.0
-    opaque = np.ones(pixels.shape[:2], dtype=bool) if alpha is None else pixels[..., alpha] >= full
-    return pixels[..., colour], opaque
+    return pixels[..., colour], None if alpha is None else pixels[..., alpha].astype(np.float64) / full
 
 
 def _channels(names: tuple[str, ...], path: Path) -> tuple[list[int], int | None]:
@@ -156,11 +169,11 @@ def _decoded(stored: np.ndarray, opaque: np.ndarray, linear: bool | None) -> Pho
     return Photo(table[stored], clipping_mask(stored / ceiling) | ~opaque)
 
 
-def _write(path: Path, pixels: np.ndarray, kind: str, attributes: dict[str, str]) -> None:
+def _write(path: Path, pixels: np.ndarray, kind: str, attributes: dict[str, str | int]) -> None:
     import OpenImageIO as oiio
 
     height, width = pixels.shape[:2]
-    spec = oiio.ImageSpec(width, height, 3, kind)
+    spec = oiio.ImageSpec(width, height, pixels.shape[2], kind)
     for name, value in attributes.items():
         spec.attribute(name, value)
     file = oiio.ImageOutput.create(str(path))

@@ -2,7 +2,17 @@
 
 import sys
 
-from reshade.reshade_addon.cli import main
+
+def main(argv: list[str]) -> int:
+    """Run a command and return its exit code; Blender takes a second to start, so only where it is needed."""
+    from reshade.reshade_addon import dehighlight
+
+    if argv[:1] == [dehighlight.COMMAND]:
+        return dehighlight.main(argv[1:])
+    from reshade.reshade_addon import cli
+
+    return cli.main(argv)
+
 
 if __name__ == "__main__":
     sys.exit(main(sys.argv[1:]))

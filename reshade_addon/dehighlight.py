@@ -1,0 +1,74 @@
+"""The command `dehighlight`: a photo's diffuse and specular components as files. Needs no Blender."""
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from ..core.errors import ReshadeError
+from ..core.highlights import METHODS, split
+from . import photo_io
+from .console import Console, Parser, ended
+from .files import Outputs
+from .progress import drain
+
+COMMAND = "dehighlight"
+SUMMARY = "split a photo into its diffuse part and its highlights"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the command's arguments to a parser."""
+    parser.add_argument("photo", metavar="P", help="PNG, JPEG, EXR ...")
+    parser.add_argument("--output", required=True, metavar="D.exr", help="the diffuse part: .exr linear or .png 16-bit")
+    parser.add_argument("--specular", metavar="S.exr", help="the highlights: .exr linear or .png 16-bit")
+    parser.add_argument("--mask", metavar="M.png", help="where highlights are seen, white on black")
+    parser.add_argument("--method", choices=tuple(METHODS), default="auto", help="auto, or one to compare it with")
+    parser.add_argument("--strength", type=_share, default=1.0, metavar="0..1", help="how much of them to take away")
+    parser.add_argument("--linear", action="store_true", help="the file holds linear values, whatever its type")
+
+
+def run(arguments: argparse.Namespace, console: Console) -> tuple[int, str]:
+    """Run the command; return its exit code and what it has to say."""
+    given = [arguments.output, arguments.specular]
+    for name in given:
+        if name:
+            photo_io.check_writable(name)
+    if arguments.mask and Path(arguments.mask).suffix.lower() != ".png":
+        raise ReshadeError(f"The mask '{arguments.mask}' is no PNG", "Name it .png")
+    with Outputs() as outputs:
+        output, specular, mask = (outputs.path(name) if name else None for name in (*given, arguments.mask))
+        photo, alpha = photo_io.read_picture(arguments.photo, True if arguments.linear else None)
+        found = drain(split(photo, arguments.method, None if alpha is None else alpha > 0), console.tell)
+        if output:
+            photo_io.write_picture(output, found.at_strength(arguments.strength), alpha)
+        if specular:
+            photo_io.write_picture(specular, found.specular)
+        if mask:
+            photo_io.write_encoded(mask, np.repeat(found.mask()[..., None], 3, axis=2).astype(np.float32))
+    share = 100 * float(found.mask().mean())
+    return 0, found.message or f"Highlights on {share:.2g} % of the photo; without them it is {arguments.output}"
+
+
+def main(argv: Sequence[str]) -> int:
+    """Run the command by itself, without Blender, and return its exit code."""
+
+    def command() -> tuple[int, str]:
+        parser = Parser(prog=f"reshade {COMMAND}", description=SUMMARY)
+        add_arguments(parser)
+        arguments = parser.parse_args(argv)
+        console = Console(sys.stderr)
+        try:
+            return run(arguments, console)
+        finally:
+            console.clear()
+
+    return ended(command)
+
+
+def _share(text: str) -> float:
+    number = float(text)
+    if not 0 <= number <= 1:
+        raise argparse.ArgumentTypeError("must be between 0 and 1")
+    return number
