@@ -6,11 +6,25 @@ import numpy as np
 
 from ..types import Array, Mask, Photo, Progress
 from . import auto
+from .brelstaff import brelstaff
+from .chromatic import shen, yang
+from .gershon import gershon
+from .klinker import klinker
+from .lee import chromaticity_convergence, smoothness
 from .products import Split
 
 Method = Callable[[Array, Mask], Generator[Progress, None, Split]]
 
-METHODS: dict[str, Method] = {"auto": auto.split}
+METHODS: dict[str, Method] = {
+    "auto": auto.split,
+    "lee": smoothness,
+    "lee-convergence": chromaticity_convergence,
+    "klinker": klinker,
+    "gershon": gershon,
+    "brelstaff": brelstaff,
+    "yang": yang,
+    "shen": shen,
+}
 
 COLOURLESS = 1e-3  # of the peak: a photo whose channels differ by less all over is grey
 NO_COLOUR = "The photo has no colours, and only they tell a highlight from white paint: it is left as it is"
@@ -27,9 +41,13 @@ def split(photo: Photo, method: str = "auto", usable: Mask | None = None) -> Gen
     """
     image = photo.linear
     usable = np.ones(image.shape[:2], dtype=bool) if usable is None else usable
-    if method == "auto" and float(np.ptp(image, axis=2).max()) <= COLOURLESS * float(image.max()):
-        yield Progress(1.0, NO_COLOUR)
-        return Split(image, np.zeros_like(image), np.ones(3), NO_COLOUR)
+    peak = float(image.max())
+    even = float(np.ptp(image)) <= COLOURLESS * peak or peak <= 0
+    grey = method == "auto" and float(np.ptp(image, axis=2).max()) <= COLOURLESS * peak
+    if even or grey:
+        message = NONE_FOUND if even else NO_COLOUR
+        yield Progress(1.0, message)
+        return Split(image, np.zeros_like(image), np.ones(3), message)
     found = yield from METHODS[method](image, usable)
     if not found.mask().any():
         return Split(found.diffuse, found.specular, found.light, NONE_FOUND)

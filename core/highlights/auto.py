@@ -9,7 +9,7 @@ from scipy import ndimage
 from ..types import Array, Mask, Progress
 from . import evidence as ev
 from .clipping import clipped_channels, continued
-from .illuminant import estimate
+from .illuminant import degrees_between, estimate
 from .products import Split
 from .specular_free import parts
 
@@ -19,6 +19,7 @@ BAND = 500_000  # pixels that are split at a time
 SMOOTH = 2.0  # pixels of a photo 400 wide: scale of the Laplacian that Lee's factors are taken at
 TRUSTED = 1.5e-4  # mean square of the specular part, peak 1, from which on it says more of the light than the priors
 OWN_COLOUR = (5.0, 12.0)  # degrees between light and surface: under the first, what was found says nothing of the light
+FAR = (6.0, 12.0)  # degrees from the first estimate: above the second, what was found was no highlight
 ACCEPTED = 0.2  # share of the smallest channel that must be specular for a clipped pixel to be rebuilt
 REACH = 4  # rows beyond a band that its filters see
 
@@ -98,6 +99,7 @@ def light_colour(image: Array, usable: Mask) -> Array:
     sine = np.sqrt((energy * (1 - np.clip(cosine, 0, 1) ** 2)).sum() / energy.sum())
     trust = saliency**2 / (saliency**2 + TRUSTED**2)
     trust *= float(ev.ramp(np.degrees(np.arcsin(np.clip(sine, 0, 1))), *OWN_COLOUR))
+    trust *= 1 - float(ev.ramp(degrees_between(factors, light), *FAR))
     light = np.exp(trust * np.log(factors / factors[1]) + (1 - trust) * np.log(light / light[1]))
     return light / light.max()
 

@@ -11,6 +11,7 @@ morphological opening keeps is shading.
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy import ndimage
 
 from ..types import Array, Mask
@@ -75,9 +76,9 @@ def whole(evidence: Evidence, image: Array) -> Array:
     return specular(evidence, image, rows / longer, columns / longer, evidence.kept, evidence.steady)
 
 
-def ramp(x: Array, low: float, high: float) -> Array:
+def ramp(x: ArrayLike, low: float, high: float) -> Array:
     """0 below `low`, 1 above `high`, a smooth step (cubic) between."""
-    t = np.clip((x - low) / (high - low), 0.0, 1.0)
+    t = np.clip((np.asarray(x) - low) / (high - low), 0.0, 1.0)
     return t * t * (3 - 2 * t)
 
 

@@ -15,10 +15,13 @@ SIDE = 81  # candidates both ways in log(R/G), log(B/G), over -1..1: steps of 1.
 RADII = (3.0, 6.0, 12.0)  # pixels of a photo 400 wide: windows in which planes are fitted
 NOISE = 0.004  # of the peak
 SHARP = 0.04  # sine of the angle within which a plane is said to hold a candidate
-BUMPS, WHITE = 0.15, 0.2  # standard deviations in log colour: of small bright things, of lights about white
+BUMPS = 0.15  # standard deviation of the colour of small bright things about the light's, in logarithms
+LAMPS = np.array([0.6, -0.8])  # from daylight to lamplight in log(R/G), log(B/G): the way lights differ
+WARMER, GREENER = 0.25, 0.12  # standard deviations of lights about white, along that and across it
 TRUST = 0.1  # weight of these two priors against the planes' mean vote
 AMBIGUOUS = (4.0, 10.0)  # degrees between light and the photo's mean colour: one material, or a tinted light?
 STRONG = (9.0, 16.0)  # degrees off white: a tint that is believed only where the above rules out one material
+PLANES = 1000  # the strongest of each kind vote
 BRIGHTEST = 0.003  # share of the pixels that small bright things are
 BUMP = 0.03  # of the longer side: half the size of a small bright thing
 
@@ -33,29 +36,34 @@ def estimate(image: Array, usable: Mask) -> Array:
     red, blue = (x.ravel() for x in np.meshgrid(steps, steps))
     candidates = np.stack([np.exp(red), np.ones_like(red), np.exp(blue)], axis=1)
     directions = candidates / np.linalg.norm(candidates, axis=1)[:, None]
-    bumps = small_bright_colour(image)
-    near_bumps = (red - np.log(bumps[0] / bumps[1])) ** 2 + (blue - np.log(bumps[2] / bumps[1])) ** 2
-    cost = TRUST * (near_bumps / BUMPS**2 + (red**2 + blue**2) / WHITE**2) / 2
+    # What a highlight adds to its surround has the light's colour; of white paint, its own colour is the light's.
+    bumps = min(
+        (np.log(colour / colour[1]) for colour in small_bright_colours(image)), key=lambda x: _unlikely(*x[::2])
+    )
+    near_bumps = ((red - bumps[0]) ** 2 + (blue - bumps[2]) ** 2) / BUMPS**2
+    cost = TRUST * (near_bumps + _unlikely(red, blue)) / 2
     for normals, weight in (window_planes(image), bump_planes(image)):
         if len(normals):
-            misses = 1 - np.exp(-(((directions @ normals.T) / SHARP) ** 2) / 2)
-            cost = cost + misses @ weight / weight.sum()
+            cost = cost + _missed(directions, normals, weight)
     light = candidates[int(np.argmin(cost))]
     return _less_ambiguous(image, light)
 
 
-def small_bright_colour(image: Array) -> Array:
-    """Colour (3,), largest channel 1, of the strongest small bright things: the white top-hat, weighted twice over."""
+def small_bright_colours(image: Array) -> tuple[Array, Array]:
+    """Colours (3,) of the strongest small bright things: their own, and their excess over their surround.
+
+    The excess is the white top-hat, weighted by its smallest channel.
+    """
     hats = image - _opened(image)
-    colour = np.ones(3)
+    own, excess = np.ones(3), np.ones(3)
     for _ in range(2):
-        strength = (hats / colour).min(axis=2)
+        strength = (hats / excess).min(axis=2)
         chosen = (strength >= np.quantile(strength, 1 - BRIGHTEST)) & (strength > 0)
         total = (hats[chosen] * strength[chosen][:, None]).sum(axis=0)
         if not (total > 0).all():
             break
-        colour = total / total.max()
-    return colour
+        own, excess = (image[chosen] * strength[chosen][:, None]).sum(axis=0), total / total.max()
+    return own, excess
 
 
 def window_planes(image: Array) -> tuple[Array, Array]:
@@ -78,7 +86,7 @@ def window_planes(image: Array) -> tuple[Array, Array]:
     return np.concatenate(normals), np.concatenate(weights)
 
 
-def bump_planes(image: Array, most: int = 4000) -> tuple[Array, Array]:
+def bump_planes(image: Array) -> tuple[Array, Array]:
     """Unit normals (N, 3) of the planes through small bright things and what they lie on, and their weights (N,)."""
     under = _opened(image)
     hats = ndimage.gaussian_filter(image - under, (1, 1, 0))
@@ -86,13 +94,30 @@ def bump_planes(image: Array, most: int = 4000) -> tuple[Array, Array]:
     strength = hats.min(axis=2)
     chosen = (strength >= np.quantile(strength, 0.97)) & (strength > 0.01) & (under.max(axis=2) > 0.01)
     hats, under, strength = hats[chosen], under[chosen], strength[chosen]
-    every = len(hats) // most + 1
-    hats, under, strength = hats[::every], under[::every], strength[::every]
     if len(hats) == 0:
         return np.empty((0, 3)), np.empty(0)
     normals = np.cross(under / np.linalg.norm(under, axis=1)[:, None], hats / np.linalg.norm(hats, axis=1)[:, None])
     sine = np.linalg.norm(normals, axis=1)
     return normals / (sine + 1e-9)[:, None], strength * sine / (sine + 0.05) + 1e-12
+
+
+def _unlikely(red: Array, blue: Array) -> Array:
+    """Squared distance (K,), in standard deviations, of log(R/G), log(B/G) (K,) from lights as they are."""
+    along, across = red * LAMPS[0] + blue * LAMPS[1], red * LAMPS[1] - blue * LAMPS[0]
+    return np.asarray((along / WARMER) ** 2 + (across / GREENER) ** 2)
+
+
+def _missed(directions: Array, normals: Array, weight: Array) -> Array:
+    """Share (K,), by weight, of planes (N, 3) that do not hold each of the directions (K, 3)."""
+    if len(weight) > PLANES:
+        strongest = np.argpartition(weight, -PLANES)[-PLANES:]
+        normals, weight = normals[strongest], weight[strongest]
+    scaled, share = (normals / (SHARP * np.sqrt(2))).astype(np.float32), (weight / weight.sum()).astype(np.float32)
+    held = np.zeros(len(directions))
+    for start in range(0, len(share), 64):  # little at a time, so that it stays in the processor's cache
+        distance = directions.astype(np.float32) @ scaled[start : start + 64].T
+        held += np.exp(-(distance**2)) @ share[start : start + 64]
+    return 1 - held
 
 
 def degrees_between(a: Array, b: Array) -> float:
