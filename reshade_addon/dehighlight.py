@@ -15,6 +15,7 @@ from .files import Outputs
 from .progress import drain
 
 COMMAND = "dehighlight"
+LARGE = 8_000_000  # pixels, from which on memory matters more than the last digits
 SUMMARY = "split a photo into its diffuse part and its highlights"
 
 
@@ -39,15 +40,16 @@ def run(arguments: argparse.Namespace, console: Console) -> tuple[int, str]:
         raise ReshadeError(f"The mask '{arguments.mask}' is no PNG", "Name it .png")
     with Outputs() as outputs:
         output, specular, mask = (outputs.path(name) if name else None for name in (*given, arguments.mask))
-        photo, alpha = photo_io.read_picture(arguments.photo, True if arguments.linear else None)
+        photo, alpha = photo_io.read_picture(arguments.photo, True if arguments.linear else None, LARGE)
         found = drain(split(photo, arguments.method, None if alpha is None else alpha > 0), console.tell)
+        seen = found.mask()
         if output:
             photo_io.write_picture(output, found.at_strength(arguments.strength), alpha)
         if specular:
             photo_io.write_picture(specular, found.specular)
         if mask:
-            photo_io.write_encoded(mask, np.repeat(found.mask()[..., None], 3, axis=2).astype(np.float32))
-    share = 100 * float(found.mask().mean())
+            photo_io.write_encoded(mask, np.repeat(seen[..., None], 3, axis=2))
+    share = 100 * float(seen.mean())
     return 0, found.message or f"Highlights on {share:.2g} % of the photo; without them it is {arguments.output}"
 
 

@@ -31,13 +31,23 @@ def read_photo(path: str | Path, linear: bool | None = None) -> Photo:
     Raises ReshadeError for a file that is missing, unreadable or holds no finite RGB picture, and NothingToLearn for
     one that is black, clipped or tiny.
     """
-    return read_picture(path, linear)[0]
+    photo, alpha = read_picture(path, linear)
+    if alpha is None:
+        return photo
+    photo = Photo(photo.linear, photo.clipped | (alpha < 1))
+    if photo.clipped.all():
+        raise NothingToLearn(
+            f"Every pixel of the photo '{Path(path).name}' is clipped or transparent", "Use a photo with less exposure"
+        )
+    return photo
 
 
-def read_picture(path: str | Path, linear: bool | None = None) -> tuple[Photo, Array | None]:
-    """Read a photo as `read_photo` does, and its alpha (H, W) in 0..1, where the file has one."""
+def read_picture(path: str | Path, linear: bool | None = None, large: int = 0) -> tuple[Photo, Array | None]:
+    """Read a photo as `read_photo` does, and its alpha (H, W) in 0..1, where the file has one: here it clips nothing.
+
+    large : pixels from which on its values are float32, which still tells 16-bit steps apart; 0: always float64
+    """
     stored, alpha = _read(Path(path))
-    opaque = np.ones(stored.shape[:2], dtype=bool) if alpha is None else alpha >= 1
     name = Path(path).name
     if not np.issubdtype(stored.dtype, np.integer):
         bad = ~np.isfinite(stored).all(axis=-1)
@@ -52,13 +62,11 @@ def read_picture(path: str | Path, linear: bool | None = None) -> tuple[Photo, A
             f"The photo '{name}' is {width} x {height} pixels, too small to show any shading",
             f"Use one of at least {SMALLEST_SIDE} x {SMALLEST_SIDE}",
         )
-    photo = _decoded(stored, opaque, linear)
+    photo = _decoded(stored, linear, np.float32 if 0 < large <= width * height else np.float64)
     if photo.linear.max() <= BLACK:
         raise NothingToLearn(f"The photo '{name}' is black all over", "Use a photo that shows the lit scene")
     if photo.clipped.all():
-        raise NothingToLearn(
-            f"Every pixel of the photo '{name}' is clipped or transparent", "Use a photo with less exposure"
-        )
+        raise NothingToLearn(f"Every pixel of the photo '{name}' is clipped", "Use a photo with less exposure")
     return photo, alpha
 
 
@@ -157,16 +165,17 @@ def _channels(names: tuple[str, ...], path: Path) -> tuple[list[int], int | None
     )
 
 
-def _decoded(stored: np.ndarray, opaque: np.ndarray, linear: bool | None) -> Photo:
+def _decoded(stored: np.ndarray, linear: bool | None, kind: type[np.floating]) -> Photo:
     if not np.issubdtype(stored.dtype, np.integer):
-        values = stored.astype(np.float64)
+        values = stored.astype(kind)
         if linear is False:
-            return Photo(srgb_to_linear(values), clipping_mask(values) | ~opaque)
-        return Photo(values, ~opaque)
+            return Photo(srgb_to_linear(values), clipping_mask(values))
+        return Photo(values, np.zeros(values.shape[:2], dtype=bool))
     ceiling = np.iinfo(stored.dtype).max
     encoded = np.arange(ceiling + 1) / ceiling
     table = encoded if linear else srgb_to_linear(encoded)
-    return Photo(table[stored], clipping_mask(stored / ceiling) | ~opaque)
+    at_ceiling = clipping_mask(encoded[:, None])
+    return Photo(table.astype(kind)[stored], at_ceiling[stored].any(axis=-1))
 
 
 def _write(path: Path, pixels: np.ndarray, kind: str, attributes: dict[str, str | int]) -> None:

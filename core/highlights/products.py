@@ -16,11 +16,13 @@ class Split:
 
     def mask(self) -> Mask:
         """Pixels (H, W) whose specular component is more than 4 % of the photo's peak."""
-        return self.specular.mean(axis=2) > SEEN * max(float((self.diffuse + self.specular).max()), 1e-300)
+        rows = range(len(self.diffuse))
+        peak = max(float((self.diffuse[row] + self.specular[row]).max()) for row in rows)
+        return self.specular.mean(axis=2) > SEEN * max(peak, 1e-300)
 
     def at_strength(self, strength: float) -> Array:
         """The photo (H, W, 3) with the share `strength` (0..1) of its highlights taken away."""
-        return self.diffuse + (1.0 - strength) * self.specular
+        return self.diffuse if strength == 1 else self.diffuse + (1.0 - strength) * self.specular
 
 
 SEEN = 0.04  # of the peak: below this a highlight is hard to see on an 8-bit screen
