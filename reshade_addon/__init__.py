@@ -12,10 +12,11 @@ def register() -> None:
     """Make the add-on known to Blender."""
     import bpy
 
-    from . import operators, panels, properties
+    from . import highlights, highlights_panel, operators, panels, properties
 
     properties.register()
-    for cls in (*operators.CLASSES, *panels.CLASSES):
+    highlights.register()
+    for cls in (*operators.CLASSES, *panels.CLASSES, *highlights_panel.CLASSES):
         bpy.utils.register_class(cls)
     bpy.types.TOPBAR_MT_file_import.append(_import_menu)
     # Blender hands out a handle to take the command back with; it is kept where the command's function is.
@@ -26,12 +27,13 @@ def unregister() -> None:
     """Undo `register`."""
     import bpy
 
-    from . import operators, panels, properties
+    from . import highlights, highlights_panel, operators, panels, properties
 
     bpy.utils.unregister_cli_command(_run_command.handle)
     bpy.types.TOPBAR_MT_file_import.remove(_import_menu)
-    for cls in reversed((*operators.CLASSES, *panels.CLASSES)):
+    for cls in reversed((*operators.CLASSES, *panels.CLASSES, *highlights_panel.CLASSES)):
         bpy.utils.unregister_class(cls)
+    highlights.unregister()
     properties.unregister()
 
 

@@ -1,0 +1,81 @@
+"""Remove highlights from the photo, from the selected surfaces' textures, or from any image."""
+
+from collections.abc import Generator
+
+import bpy
+
+from ...core.errors import ReshadeError
+from ...core.highlights import METHODS, Split, split
+from ...core.types import Progress
+from .. import highlights, missing
+from ..jobs import Job
+from ..progress import part
+
+Found = list[tuple[bpy.types.Image, Split]]
+
+
+class RESHADE_OT_remove_highlights(Job, bpy.types.Operator):
+    """Take the highlights out of the image shown here; in the 3D view out of the selected surfaces' textures, or, with
+    none selected, out of the photo. The image itself is kept"""
+
+    bl_idname = "reshade.remove_highlights"
+    bl_label = "Remove Highlights"
+    bl_options = {"REGISTER", "UNDO"}
+
+    image: bpy.props.StringProperty(name="Image", description="The image's name; empty: the one at hand")
+    method: bpy.props.EnumProperty(
+        name="Method",
+        description="Automatic, or one from the literature to compare it with",
+        items=[(name, "Automatic" if name == "auto" else name.title(), "") for name in METHODS],
+        default="auto",
+    )
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """With an image at hand, or any at all for a script to name."""
+        if context.window_manager.reshade.running:
+            return missing.nothing(cls, context, missing.mode)
+        if images_at_hand(context) or bpy.data.images:
+            return True
+        cls.poll_message_set("Import the photo, or open an image in an Image Editor")
+        return False
+
+    def steps(self, context: bpy.types.Context) -> Generator[Progress, None, Found]:
+        """Split each image; nothing is changed."""
+        images = [bpy.data.images.get(self.image)] if self.image else images_at_hand(context)
+        if not images or images[0] is None:
+            missing_one = f"There is no image '{self.image}'" if self.image else "There is no image at hand"
+            raise ReshadeError(missing_one, "Import the photo, or open an image in an Image Editor")
+        found = []
+        for number, image in enumerate(images):
+            photo, alpha = highlights.read(image)
+            work = split(photo, self.method, alpha > 0)
+            found.append((image, (yield from part(work, number / len(images), (number + 1) / len(images)))))
+        return found
+
+    def finish(self, context: bpy.types.Context, result: Found) -> str:
+        """Keep what was found beside each image; where nothing was, leave the image."""
+        said = []
+        for image, found in result:
+            if found.message:
+                said.append(f"{image.name}: {found.message}")
+            else:
+                highlights.keep(image, found)
+                said.append(f"{image.name}: highlights on {100 * float(found.mask().mean()):.2g} %")
+        return "; ".join(said)
+
+
+def images_at_hand(context: bpy.types.Context) -> list[bpy.types.Image]:
+    """The Image Editor's image; in a 3D view the textures of the selected objects' materials, else the photo."""
+    space = context.space_data
+    if space is not None and space.type == "IMAGE_EDITOR":
+        return [highlights.original(space.image)] if space.image else []
+    images = {}
+    for obj in context.selected_objects if hasattr(context, "selected_objects") else ():
+        for slot in obj.material_slots:
+            for node in slot.material.node_tree.nodes if slot.material and slot.material.node_tree else ():
+                if node.type == "TEX_IMAGE" and node.image:
+                    image = highlights.original(node.image)
+                    images[image.name] = image
+    photo = context.scene.reshade.photo
+    return list(images.values()) or ([photo] if photo else [])
