@@ -1,0 +1,164 @@
+"""Measures highlight removal: every method on pairs of known truth, what each setting does, and the thesis's figures.
+
+    python -m reshade.bench.highlights table DATA           every method on the pairs under DATA
+    python -m reshade.bench.highlights leave-one-out DATA   settings chosen on all pairs but one, scored on that one
+    python -m reshade.bench.highlights figures              docs/pictures/highlights_thesis.png
+
+DATA holds NAME.* beside NAME_gt.* (photo and its diffuse part), or folders with original.png, diffuse.png and mask.png,
+all of linear values.
+"""
+
+import argparse
+import itertools
+import sys
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from time import perf_counter
+
+import numpy as np
+
+from ..core.highlights import METHODS, auto, evidence, specular_free, split
+from ..core.types import Array, Mask, Photo
+from ..reshade_addon.photo_io import read_linear
+from ..reshade_addon.progress import drain
+from .highlight_figures import write_figures
+
+# The settings that were chosen by looking at results, each with a step to either side.
+SETTINGS = {
+    (specular_free, "QUANTILE"): (0.05, 0.1, 0.2),
+    (evidence, "NEUTRAL"): (0.1, 0.15, 0.2),
+    (evidence, "SALIENT"): (0.01, 0.014, 0.02),
+    (evidence, "EDGE"): (0.004, 0.006, 0.009),
+}
+
+
+@dataclass(frozen=True)
+class Pair:
+    """A photo, its diffuse part, and where it shows something."""
+
+    name: str
+    image: Array
+    diffuse: Array
+    mask: Mask
+
+
+@dataclass(frozen=True)
+class Score:
+    """How much nearer a result is to the truth than the photo."""
+
+    psnr: float  # dB, peak 1
+    gain: float  # dB over doing nothing
+    inside: float  # the same where the specular part is over 4 % of the peak; NaN where that is nowhere
+    background: float  # RMS error where it is under 1 %, in % of the peak
+
+
+def pairs(folder: Path) -> Iterator[Pair]:
+    """All pairs under a folder."""
+    for truth in sorted(folder.glob("**/*_gt.*")):
+        image = _values(truth.with_name(truth.name.replace("_gt", "")))
+        yield Pair(truth.stem[:-3], image, _values(truth), np.ones(image.shape[:2], dtype=bool))
+    for truth in sorted(folder.glob("**/diffuse.png")):
+        mask = _values(truth.with_name("mask.png"))[..., 0] > 0
+        yield Pair(truth.parent.name, _values(truth.with_name("original.png")), _values(truth), mask)
+
+
+def score(pair: Pair, result: Array) -> Score:
+    """Score a result (H, W, 3)."""
+    error, idle = (((x - pair.diffuse) ** 2).mean(axis=2) for x in (result, pair.image))
+    peak = np.percentile(pair.image.max(axis=2)[pair.mask], 99.9)
+    specular = (pair.image - pair.diffuse).mean(axis=2)
+    inside, outside = pair.mask & (specular > 0.04 * peak), pair.mask & (specular <= 0.01 * peak)
+
+    def decibels(x: Array) -> float:
+        return float(-10 * np.log10(max(x.mean(), 1e-12)))
+
+    shines = inside.sum() > 0.009 * pair.mask.sum()
+    return Score(
+        decibels(error[pair.mask]),
+        decibels(error[pair.mask]) - decibels(idle[pair.mask]),
+        decibels(error[inside]) - decibels(idle[inside]) if shines else float("nan"),
+        float(100 * np.sqrt(error[outside].mean()) / peak),
+    )
+
+
+def table(folder: Path) -> None:
+    """Print every method's scores as a Markdown table, a row a photo, and how long it took."""
+    every = list(pairs(folder))
+    scores = {}
+    for method in METHODS:
+        for pair in every:
+            start = perf_counter()
+            found = drain(split(Photo(pair.image, np.zeros(pair.mask.shape, dtype=bool)), method))
+            scores[pair.name, method] = score(pair, found.diffuse), perf_counter() - start
+    print("Gain over doing nothing / the same in highlights, dB\n")
+    print("| photo | " + " | ".join(METHODS) + " |\n|---|" + "---|" * len(METHODS))
+    for pair in every:
+        cells = []
+        for method in METHODS:
+            got, _ = scores[pair.name, method]
+            cells.append(f"{got.gain:+.1f}" + ("" if np.isnan(got.inside) else f" / {got.inside:+.1f}"))
+        print(f"| {pair.name} | " + " | ".join(cells) + " |")
+    means = [np.mean([scores[pair.name, method][1] for pair in every]) for method in METHODS]
+    print("| seconds | " + " | ".join(f"{mean:.1f}" for mean in means) + " |")
+
+
+def leave_one_out(folder: Path) -> None:
+    """Choose among all settings on all pairs but one, by mean gain, and print the gain on that one."""
+    every = list(pairs(folder))
+    choices = list(itertools.product(*SETTINGS.values()))
+    gains = np.empty((len(every), len(choices)))
+    for row, pair in enumerate(every):
+        light = auto.light_colour(pair.image, np.ones(pair.mask.shape, dtype=bool))
+        lit = np.maximum(pair.image, 0) / light
+        for column, choice in enumerate(choices):
+            with_setting = _with_settings(choice, lambda lit=lit: evidence.whole(_gathered(lit), lit))
+            gains[row, column] = score(pair, pair.image - with_setting[..., None] * light).gain
+        print(f"{pair.name}: {gains[row].min():+.2f} to {gains[row].max():+.2f} dB over all settings", file=sys.stderr)
+    own = choices.index(tuple(getattr(module, name) for module, name in SETTINGS))
+    print("| photo | settings in use | chosen without it | the best for it alone |\n|---|---|---|---|")
+    left_out = []
+    for row, pair in enumerate(every):
+        others = np.delete(gains, row, axis=0)
+        chosen = int(np.argmax(others.mean(axis=0)))
+        left_out.append(gains[row, chosen])
+        print(f"| {pair.name} | {gains[row, own]:+.2f} | {gains[row, chosen]:+.2f} | {gains[row].max():+.2f} |")
+    print(f"| mean | {gains[:, own].mean():+.2f} | {np.mean(left_out):+.2f} | {gains.max(axis=1).mean():+.2f} |")
+
+
+def _gathered(lit: Array) -> evidence.Evidence:
+    return evidence.gather(lit, np.ones(lit.shape[:2], dtype=bool))
+
+
+def _with_settings(choice: tuple[float, ...], run: Callable[[], Array]) -> Array:
+    before = [getattr(module, name) for module, name in SETTINGS]
+    for (module, name), value in zip(SETTINGS, choice, strict=True):
+        setattr(module, name, value)
+    try:
+        return run()
+    finally:
+        for (module, name), value in zip(SETTINGS, before, strict=True):
+            setattr(module, name, value)
+
+
+def _values(path: Path) -> Array:
+    stored = read_linear(path)
+    return stored / (65535 if stored.max() > 255 else 255)
+
+
+def main() -> None:
+    """Run what the command line asks for."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("what", choices=("table", "leave-one-out", "figures"))
+    parser.add_argument("data", nargs="?", type=Path)
+    arguments = parser.parse_args()
+    if arguments.what == "figures":
+        write_figures(Path(__file__).resolve().parents[1] / "docs" / "pictures" / "highlights_thesis.png")
+    elif arguments.data is None:
+        parser.error("which DATA?")
+    else:
+        {"table": table, "leave-one-out": leave_one_out}[arguments.what](arguments.data)
+
+
+if __name__ == "__main__":
+    main()
