@@ -1,8 +1,10 @@
-"""What a light fit explains: equation 4.2's residual for one light, its surfaces' strengths and a constant ambient.
+"""What a light fit explains: equation 4.2's residual for one light, its surfaces' strengths and the light around.
 
-The residual of a sample is y - c (F V + r O): y its brightness along its surface's mean colour, c the strength times
-albedo of its surface, F the shading of a light of unit strength, V the share of the light that arrives, r the ambient
-radiance over the light's strength and O the sample's openness.
+The residual of a sample is y - c (F V + sum_k r_k A_k): y its brightness along its surface's mean colour, c the
+strength times albedo of its surface, F the shading of a light of unit strength, V the share of the light that arrives.
+A_k are the fields of light that comes from all around, r_k >= 0 how much of each there is: of a constant ambient the
+field is the sample's openness and r the ambient's radiance over the light's strength; of interreflection the field is
+what the other surfaces send (`interreflection`) and r one over the light's strength.
 """
 
 from collections.abc import Callable
@@ -10,16 +12,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .lights import coordinates, moved, reach_of, shading, shading_gradient
-from .types import Array, Light, Samples, Visible
+from .lights import moved, reach_of, shading, shading_gradient
+from .types import AreaLight, Array, Light, PointLight, Samples, SunLight, Visible
 from .visibility import settled, visible_fraction
 
 # Smallest steps for the derivative of visibility, in the coordinates of `moved`: they move a shadow by about a pixel.
 # Sides are probed towards smaller ones: a light too large blurs all edges, and larger ones would tell it nothing.
 _VISIBILITY_STEP = {
-    8: np.array([0.02] * 3 + [0.03] * 3 + [-0.1] * 2),
-    3: np.array([0.01] * 3),
-    2: np.array([0.01] * 2),
+    AreaLight: np.array([0.02] * 3 + [0.03] * 3 + [-0.1] * 2),
+    PointLight: np.array([0.01] * 3),
+    SunLight: np.array([0.01] * 2 + [-0.3]),
 }
 WIDEST_PROBE = 5.0  # times that: as far as a shadow is looked for from where it is
 _NO_STRENGTH = 1e-300  # of a surface that the light does not reach
@@ -38,7 +40,7 @@ class State:
 
     light: Light
     log_c: Array  # (S,) strength times albedo; the logarithm keeps it positive, which the thesis does by a penalty
-    ambient: float  # over the light's strength, never negative
+    around: Array  # (K,) how much there is of each field, never negative
     shade: Array  # (N,) unoccluded shading of a unit light
     share: Array  # (N,) visible fraction
     known: Array | None  # (N,) from `visibility.settled`
@@ -51,7 +53,7 @@ class State:
     def residual(self, problem: "Problem") -> Array:
         """Photo less model (N,)."""
         samples = problem.samples
-        model = np.exp(self.log_c)[samples.surface] * (self.shade * self.share + self.ambient * samples.openness)
+        model = np.exp(self.log_c)[samples.surface] * (self.shade * self.share + problem.around @ self.around)
         return problem.brightness - model
 
 
@@ -66,7 +68,7 @@ class Problem:
     far: float
     middle: Array  # (3,)
     hidden: Hidden
-    with_ambient: bool = True
+    around: Array  # (N, K) fields of the light around, K may be 0
 
     def settled(self, light: Light, probe: float) -> Array | None:
         """Samples whose visible fraction is known wherever a probe may move `light` to; None without shadows."""
@@ -83,15 +85,15 @@ class Problem:
 
     def start(self, light: Light) -> State:
         """The state of a light whose strengths and ambient are not known yet: their linear solution."""
-        state = self.state(light, np.zeros(len(self.samples.names)), 0.0, WIDEST_PROBE)
-        strength, ambient = linear_start(self, state.shade * state.share)
-        return replace(state, log_c=np.log(np.maximum(strength, _NO_STRENGTH)), ambient=ambient)
+        state = self.state(light, np.zeros(len(self.samples.names)), np.zeros(self.around.shape[1]), WIDEST_PROBE)
+        strength, around = linear_start(self, state.shade * state.share)
+        return replace(state, log_c=np.log(np.maximum(strength, _NO_STRENGTH)), around=around)
 
-    def state(self, light: Light, log_c: Array, ambient: float, probe: float) -> State:
-        """The state of a light with given strengths and ambient; `probe` as in `State`."""
+    def state(self, light: Light, log_c: Array, around: Array, probe: float) -> State:
+        """The state of a light with given strengths and light around; `probe` as in `State`."""
         shade = shading(light, self.samples.point, self.samples.normal)
         known = self.settled(light, probe)
-        return State(light, log_c, ambient, shade, self.share(light, known), known, probe)
+        return State(light, log_c, around, shade, self.share(light, known), known, probe)
 
 
 def brightness(samples: Samples) -> Array:
@@ -105,26 +107,28 @@ def brightness(samples: Samples) -> Array:
     return out
 
 
-def linear_start(problem: Problem, shade: Array) -> tuple[Array, float]:
-    """Solve for the surfaces' strengths (S,) and the common ambient ratio, given the light's shading (N,)."""
+def linear_start(problem: Problem, shade: Array) -> tuple[Array, Array]:
+    """Solve for the surfaces' strengths (S,) and the light around (K,), given the light's shading (N,).
+
+    Each surface has its own say of how much there is of each field, and their weighted median decides.
+    """
     samples, y = problem.samples, problem.brightness
     surfaces, ratios, trust = len(samples.names), [], []
-    strength = np.zeros(surfaces)
-    for s in range(surfaces):
-        of = samples.surface == s
-        if not of.any():
-            continue
-        direct, ambient = two_terms(shade[of], samples.openness[of], y[of], samples.weight[of])
-        if direct > 0:
-            ratios.append(ambient / direct)
-            trust.append(samples.weight[of].sum())
-    ratio = _weighted_median(np.array(ratios), np.array(trust)) if problem.with_ambient and ratios else 0.0
-    for s in range(surfaces):
-        of = samples.surface == s
-        full = shade[of] + ratio * samples.openness[of]
-        down = (samples.weight[of] * full**2).sum()
-        strength[s] = (samples.weight[of] * full * y[of]).sum() / down if down > 0 else 0.0
-    return strength, ratio
+    strength, around = np.zeros(surfaces), np.zeros(problem.around.shape[1])
+    if len(around):
+        for s in np.unique(samples.surface):
+            of = samples.surface == s
+            found = several_terms(np.column_stack([shade[of], problem.around[of]]), y[of], samples.weight[of])
+            if found[0] > 0:
+                ratios.append(found[1:] / found[0])
+                trust.append(samples.weight[of].sum())
+        for k in range(len(around) if ratios else 0):
+            around[k] = _weighted_median(np.array(ratios)[:, k], np.array(trust))
+    full = shade + problem.around @ around
+    up = np.bincount(samples.surface, samples.weight * full * y, surfaces)
+    down = np.bincount(samples.surface, samples.weight * full**2, surfaces)
+    strength[down > 0] = up[down > 0] / down[down > 0]
+    return strength, around
 
 
 def expected_residual(problem: Problem, state: State) -> Array:
@@ -175,7 +179,7 @@ def score(problem: Problem, state: State) -> float:
 
 
 def normal_equations(problem: Problem, state: State, expected: Array) -> tuple[Array, Array]:
-    """Compute the Gauss-Newton matrix and the gradient of half the summed loss by (light, log c, ambient)."""
+    """Compute the Gauss-Newton matrix and the gradient of half the summed loss by (light, log c, around)."""
     jacobian, residual = model_jacobian(problem, state), state.residual(problem)
     z = (residual / (_LOSS_SCALE * expected)) ** 2
     weight = problem.samples.weight / np.mean(problem.samples.weight) / expected**2 / np.sqrt(1 + z)
@@ -183,7 +187,7 @@ def normal_equations(problem: Problem, state: State, expected: Array) -> tuple[A
 
 
 def model_jacobian(problem: Problem, state: State) -> Array:
-    """Compute the derivative (N, P + S + 1) of the modelled brightness by (light's coordinates, log c, ambient)."""
+    """Compute the derivative (N, P + S + K) of the modelled brightness by (light's coordinates, log c, around)."""
     samples, light, reach = problem.samples, state.light, reach_of(state.light, problem.middle)
     c = np.exp(state.log_c)[samples.surface]
     _, by_light = shading_gradient(light, samples.point, samples.normal, reach)
@@ -192,8 +196,7 @@ def model_jacobian(problem: Problem, state: State) -> Array:
         by_light += state.shade[:, None] * _visibility_slope(problem, state, reach)
     by_log_c = np.zeros((len(samples), len(state.log_c)))
     by_log_c[np.arange(len(samples)), samples.surface] = problem.brightness - state.residual(problem)
-    by_ambient = c * samples.openness if problem.with_ambient else np.zeros_like(c)
-    return np.concatenate([c[:, None] * by_light, by_log_c, by_ambient[:, None]], axis=1)
+    return np.concatenate([c[:, None] * by_light, by_log_c, c[:, None] * problem.around], axis=1)
 
 
 def _visibility_slope(problem: Problem, state: State, reach: float) -> Array:
@@ -203,10 +206,23 @@ def _visibility_slope(problem: Problem, state: State, reach: float) -> Array:
     Fewer rays than the model's own are no saving: the fit then stops early, far from where it should.
     """
     columns = []
-    for step in np.diag(state.probe * _VISIBILITY_STEP[coordinates(state.light)]):
+    for step in np.diag(state.probe * _VISIBILITY_STEP[type(state.light)]):
         there = problem.share(moved(state.light, step, reach), state.known)
         columns.append((there - state.share) / step.sum())
     return np.stack(columns, axis=1)
+
+
+def several_terms(terms: Array, y: Array, weight: Array) -> Array:
+    """Weighted least squares y = terms p with p >= 0: terms (N, K + 1), p (K + 1,)."""
+    from scipy.optimize import nnls
+
+    root = np.sqrt(weight)
+    size = np.sqrt((weight[:, None] * terms**2).sum(axis=0))
+    there = size > 0
+    out = np.zeros(terms.shape[1])
+    if there.any():
+        out[there] = nnls(root[:, None] * terms[:, there] / size[there], root * y)[0] / size[there]
+    return out
 
 
 def two_terms(direct: Array, ambient: Array, y: Array, weight: Array) -> tuple[float, float]:

@@ -6,7 +6,7 @@ radiance 1, cos / (pi r^2) for a point of intensity 1, cos / pi for a sun of irr
 A step moves a light in coordinates of about equal effect, whatever the unit of length:
     AREA   8: centre / reach along u, v, u x v; rotation about u, v, u x v (radians); logarithms of the sides
     POINT  3: centre / reach along x, y, z
-    SUN    2: rotation of its direction about two axes across it (radians)
+    SUN    3: rotation of its direction about two axes across it (radians); logarithm of its angle
 `reach` is the distance from the light to the middle of the scene.
 """
 
@@ -18,6 +18,7 @@ from .form_factor import form_factor, form_factor_gradient
 from .types import AreaLight, Array, Light, PointLight, SunLight
 
 SMALLEST_SIDE, LARGEST_SIDE = 0.01, 4.0  # of the reach: a collapsed side gives no gradient to grow again
+SMALLEST_ANGLE, LARGEST_ANGLE = 0.002, 1.0  # of a sun, radians, for the same reason
 
 
 def shading(light: Light, points: Array, normals: Array) -> Array:
@@ -49,6 +50,7 @@ def shading_gradient(light: Light, points: Array, normals: Array, reach: float) 
             value = shading(light, points, normals)
             axes = np.stack(across(light.normal))
             slope = -normals @ np.cross(axes, light.normal).T / np.pi
+            slope = np.concatenate([slope, np.zeros((len(slope), 1))], axis=1)  # its angle shows in penumbrae alone
             return value, np.where(value[:, None] > 0, slope, 0.0)
 
 
@@ -67,12 +69,13 @@ def moved(light: Light, step: Array, reach: float) -> Light:
             return replace(light, centre=light.centre + reach * step)
         case SunLight():
             axes = np.stack(across(light.normal))
-            return replace(light, normal=_unit(_rotation(axes.T @ step) @ light.normal))
+            angle = float(np.clip(light.angle * np.exp(step[2]), SMALLEST_ANGLE, LARGEST_ANGLE))
+            return replace(light, normal=_unit(_rotation(axes.T @ step[:2]) @ light.normal), angle=angle)
 
 
 def coordinates(light: Light) -> int:
     """Return how many numbers a step of this light has."""
-    return {AreaLight: 8, PointLight: 3, SunLight: 2}[type(light)]
+    return {AreaLight: 8, PointLight: 3, SunLight: 3}[type(light)]
 
 
 def reach_of(light: Light, middle: Array) -> float:

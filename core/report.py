@@ -74,7 +74,8 @@ def _light(light: Light, name: str, sure: Uncertainty | None) -> dict[str, objec
             out |= {"intensity": _list(light.intensity)}
         case SunLight():
             power = light.irradiance
-            out |= {"type": "SUN", "normal": _list(light.normal), "angle": 0.0, "irradiance": _list(light.irradiance)}
+            out |= {"type": "SUN", "normal": _list(light.normal), "angle": light.angle}
+            out |= {"irradiance": _list(light.irradiance)}
     energy = float(np.max(power))
     out |= {"energy": energy, "color": _list(power / energy if energy > 0 else np.ones(3))}
     if sure is not None:

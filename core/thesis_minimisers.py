@@ -1,8 +1,8 @@
 """The thesis's own minimisers of equation 4.2, BFGS and Powell's, as baselines to `light_fit.fit_light`.
 
 Both minimise the same robust loss of the same problem over one vector: a step of `lights.moved` from the start, the
-logarithm of each surface's strength over what it starts with, and the ambient ratio, which a penalty keeps from going
-negative. A minimisation is done in rounds: after each, what is expected of the residuals is asked anew, as the
+logarithm of each surface's strength over what it starts with, and how much there is of what is around, which a penalty
+keeps from going negative. A minimisation is done in rounds: after each, what is expected of the residuals is asked anew, as the
 trust-region fit does after each step.
 """
 
@@ -18,7 +18,7 @@ from .lights import across, coordinates, moved, reach_of
 from .types import AreaLight, Array, Light, PointLight, SunLight
 
 _STEPS_A_ROUND = 20
-_PENALTY = 1e3  # on the square of a negative ambient ratio
+_PENALTY = 1e3  # on the square of a negative ratio of what is around
 _IN_THE_PHOTO = 1e3  # what a light costs that the photo would show
 _FARTHEST_LOG = 20.0  # of a strength from its start
 _PROBE = 1.0  # smallest steps: the gradient is then nearest that of the loss
@@ -44,7 +44,7 @@ def fit_light_powell(
 
 @dataclass(frozen=True, slots=True)
 class Chart:
-    """A state as a vector: light's coordinates from the start (P,), log strengths from the start's, ambient ratio."""
+    """A state as a vector: light's coordinates from the start (P,), log strengths from the start's, what is around."""
 
     problem: Problem
     start: State
@@ -58,20 +58,24 @@ class Chart:
 
     def origin(self) -> Array:
         """The start as a vector."""
-        return np.concatenate([np.zeros(coordinates(self.start.light) + len(self.reached)), [self.start.ambient]])
+        return np.concatenate([np.zeros(coordinates(self.start.light) + len(self.reached)), self.start.around])
+
+    def around(self) -> slice:
+        """Where in a vector the light around is."""
+        return slice(coordinates(self.start.light) + len(self.reached), None)
 
     def state(self, x: Array) -> State:
-        """The state that a vector stands for; its ambient may be negative."""
+        """The state that a vector stands for; its light around may be negative."""
         size = coordinates(self.start.light)
         light = moved(self.start.light, x[:size], reach_of(self.start.light, self.problem.middle))
         log_c = self.start.log_c.copy()
-        log_c[self.reached] += np.clip(x[size:-1], -_FARTHEST_LOG, _FARTHEST_LOG)
-        return self.problem.state(light, log_c, float(x[-1]) if self.problem.with_ambient else 0.0, _PROBE)
+        log_c[self.reached] += np.clip(x[size : size + len(self.reached)], -_FARTHEST_LOG, _FARTHEST_LOG)
+        return self.problem.state(light, log_c, x[self.around()], _PROBE)
 
     def value(self, x: Array, expected: Array) -> float:
         """What is minimised: the mean loss with its penalty. A light inside the photo is worse than any other."""
         state = self.state(x)
-        penalty = _PENALTY * min(float(x[-1]), 0.0) ** 2
+        penalty = _PENALTY * float((np.minimum(x[self.around()], 0.0) ** 2).sum())
         if not self.problem.hidden(state.light):
             penalty += _IN_THE_PHOTO
         return negative_log_likelihood(self.problem, state, expected) + penalty
@@ -81,9 +85,9 @@ class Chart:
         state, size = self.state(x), coordinates(self.start.light)
         _, slope = normal_equations(self.problem, state, expected)
         by_light = self._carried(slope[:size], x[:size], state.light)
-        by_log = slope[size:-1][self.reached]
-        down = np.concatenate([by_light, by_log, slope[-1:]]) / len(self.problem.samples)
-        down[-1] += 2 * _PENALTY * min(float(x[-1]), 0.0)
+        rest = size + len(state.log_c)
+        down = np.concatenate([by_light, slope[size:rest][self.reached], slope[rest:]]) / len(self.problem.samples)
+        down[self.around()] += 2 * _PENALTY * np.minimum(x[self.around()], 0.0)
         return down
 
     def _carried(self, slope: Array, x: Array, light: Light) -> Array:
@@ -100,7 +104,7 @@ class Chart:
                 return scale * slope
             case SunLight(), SunLight():
                 here, there = np.stack(across(first.normal)), np.stack(across(light.normal))
-                return here @ _left_jacobian(here.T @ x).T @ there.T @ slope
+                return np.concatenate([here @ _left_jacobian(here.T @ x[:2]).T @ there.T @ slope[:2], slope[2:]])
         raise TypeError(f"a {type(first).__name__} does not move to a {type(light).__name__}")
 
 
@@ -120,7 +124,7 @@ def _rounds(
         after = cost(problem, chart.state(x), expected)
         yield after
         converged = before - after < tolerance * before
-    x[-1] = max(x[-1], 0.0)
+    x[chart.around()] = np.maximum(x[chart.around()], 0.0)
     return result_of(problem, chart.state(x), done, converged)
 
 

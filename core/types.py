@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
+SUN_ANGLE = 0.00931  # full angular diameter of the real sun, radians
+
 # visible(points (M, 3), targets (M, 3)) -> (M,) bool: is the open segment between the two free of geometry?
 # points are already lifted off their surface. Handed in by whoever owns a ray caster; the core has none.
 Visible = Callable[[Array, Array], Mask]
@@ -102,10 +104,11 @@ class PointLight:
 
 @dataclass(frozen=True, slots=True)
 class SunLight:
-    """A light so far that its rays are parallel."""
+    """A light so far that every point sees the same disc of it, in the same direction."""
 
     normal: Array  # (3,) unit, the way it shines
     irradiance: Array  # (3,) W / m^2 on a surface that faces it
+    angle: float = SUN_ANGLE  # full angular diameter of the disc, radians
 
 
 Light = AreaLight | PointLight | SunLight

@@ -37,7 +37,7 @@ def uncertainty_of(fit: LightFit, reach: float) -> Uncertainty:
             )
         case SunLight():
             angle = float(np.hypot(deviation[0], deviation[1]))
-            return Uncertainty(0.0, angle, np.zeros(2), float(deviation[2]), "its strength")
+            return Uncertainty(0.0, angle, np.zeros(2), float(deviation[-1]), "its strength")
 
 
 def plain(value: float, digits: int) -> str:

@@ -26,7 +26,7 @@ def visible_fraction(
 ) -> Array:
     """Compute the share of each sample's light that arrives, (N,) in 0..1: 1 where nothing is in the way.
 
-    rays : shadow rays a sample; a point and a sun need and get one
+    rays : shadow rays a sample; a point needs and gets one, and one for a sun is sent at its middle
     far : length of a ray towards the sun, metres
     settled : (N,) from `settled`; only its NaN are asked, the rest is taken as it stands
     Rays to parts of the light that do not shine on the sample are not cast, and each counts by what it would bring.
@@ -41,6 +41,9 @@ def visible_fraction(
         square = np.einsum("ijk,ijk->ij", away, away)
         weight = np.maximum(np.einsum("ijk,ik->ij", away, normal), 0.0)
         weight *= np.maximum(-(away @ light.normal), 0.0) / np.maximum(square, 1e-300) ** 2
+    elif isinstance(light, SunLight) and rays > 1:
+        target = _on_disc(light, point, pattern(len(samples), rays)[ask], far)
+        weight = np.maximum(np.einsum("ijk,ik->ij", target - point[:, None], normal), 0.0)
     else:
         target = (point - far * light.normal if isinstance(light, SunLight) else light.centre + 0.0 * point)[:, None]
         weight = (np.einsum("ijk,ik->ij", target - point[:, None], normal) > 0).astype(np.float64)
@@ -77,7 +80,16 @@ def _around(light: Light, samples: Samples, far: float, margin: float) -> Array:
             return light.centre + 2 * margin * (at @ np.stack([u, v]))
         case SunLight():
             u, v = across(light.normal)
-            return (samples.point - far * light.normal)[:, None] + 2 * margin * far * (at @ np.stack([u, v]))
+            width = 1.2 * light.angle + 2 * margin
+            return (samples.point - far * light.normal)[:, None] + width * far * (at @ np.stack([u, v]))
+
+
+def _on_disc(light: SunLight, point: Array, at: Array, far: float) -> Array:
+    """(N, K, 3) points of the sun's disc as seen from each point (N, 3), for `at` (N, K, 2) in the unit square."""
+    radius, turn = np.tan(light.angle / 2) * np.sqrt(at[..., 0]), 2 * np.pi * at[..., 1]
+    u, v = across(light.normal)
+    off = (radius * np.cos(turn))[..., None] * u + (radius * np.sin(turn))[..., None] * v
+    return point[:, None] + far * (off - light.normal)
 
 
 def openness(samples: Samples, visible: Visible, rays: int, far: float) -> Array:

@@ -219,7 +219,7 @@ def read_light(obj: bpy.types.Object) -> Light:
     if data.type == "POINT":
         return PointLight(matrix[:3, 3].copy(), intensity_from_power(emitted))
     if data.type == "SUN":
-        return SunLight(-axes[:, 2], emitted)
+        return SunLight(-axes[:, 2], emitted, data.angle)
     if data.type != "AREA" or data.shape not in ("SQUARE", "RECTANGLE"):
         raise ReshadeError(
             f"The light '{obj.name}' is no rectangle, point or sun", "Change its type, or hide it in renders"

@@ -38,7 +38,7 @@ def write_light(scene: bpy.types.Scene, light: Light, obj: bpy.types.Object | No
         data.shadow_soft_size = 0.0
         _place(obj, np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0]), light.centre)
     else:
-        data.angle = 0.0
+        data.angle = light.angle
         helper = np.eye(3)[np.argmin(np.abs(light.normal))]
         u = np.cross(helper, -light.normal)
         u /= np.linalg.norm(u)

@@ -41,9 +41,9 @@ def test_an_area_light_in_all_its_fields():
 
 
 def test_a_sun_has_no_centre_and_an_angle():
-    sun = SunLight(np.array([0.0, 0.0, -1.0]), np.full(3, 3.0))
+    sun = SunLight(np.array([0.0, 0.0, -1.0]), np.full(3, 3.0), 0.02)
     (light,) = to_dict(estimate(sun), "draft", ["Sun"])["lights"]
-    assert light["type"] == "SUN" and light["energy"] == 3 and light["angle"] == 0
+    assert light["type"] == "SUN" and light["energy"] == 3 and light["angle"] == 0.02
     assert "centre" not in light and "size" not in light
 
 

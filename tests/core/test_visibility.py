@@ -87,3 +87,15 @@ def test_shadow_of_the_ball_from_above(ball, light):
     x = np.array([0.1, 0.98, 1.02, 3.0]) * radius
     samples = floor_samples(np.stack([x, 0 * x, 0 * x], axis=1))
     np.testing.assert_array_equal(visible_fraction(light, samples, ball.visible, 1, 100.0), [0, 0, 1, 1])
+
+
+def test_penumbra_of_a_wide_sun(ball):
+    """Where half the sun's disc is past the ball, half its light arrives; the penumbra is as wide as its angle says."""
+    sun = SunLight(np.array([0.0, 0.0, -1.0]), np.ones(3), angle=0.2)
+    # The ball's highest ring, where the disc's rays graze it, is 0.5 above the floor.
+    x = np.array([0.5 - 0.06, 0.5, 0.5 + 0.06])
+    samples = floor_samples(np.stack([x, 0 * x, 0 * x], axis=1))
+    share = visible_fraction(sun, samples, ball.visible, 4000, 100.0)
+    np.testing.assert_allclose(share, [0.0, 0.5, 1.0], atol=0.05)
+    known = settled(sun, samples, ball.visible, 100.0, 0.0)
+    assert np.isnan(known[1])
