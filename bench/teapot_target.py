@@ -174,7 +174,7 @@ def problem_of(target: Target, *, shadows: bool = True, count: int = SAMPLES) ->
     samples = samples_of(target, target.image if shadows else target.unshadowed, count)
     visible = occluder(target) if shadows else None
     middle = samples.point.mean(axis=0)
-    return Problem(samples, brightness(samples), visible, RAYS, FAR, middle, lambda _: True, with_ambient=False)
+    return Problem(samples, brightness(samples), visible, RAYS, FAR, middle, lambda _: True, np.zeros((len(samples), 0)))
 
 
 def check(target: Target) -> float:

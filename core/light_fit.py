@@ -1,9 +1,9 @@
 """Fit one light's geometry to the samples: equation 4.2 by trust-region least squares.
 
-Unknown are the light's coordinates (`lights.moved`), log c of each surface, and the ambient ratio r >= 0. Eliminating
-c instead (variable projection) shrinks the basin of attraction. Residuals are divided by what is expected of them, so
-a textured surface speaks softly, and enter through a soft-L1 loss, so a highlight or something unmodelled does not
-pull.
+Unknown are the light's coordinates (`lights.moved`), log c of each surface, and the ratios r >= 0 of what is around.
+Eliminating c instead (variable projection) shrinks the basin of attraction. Residuals are divided by what is expected
+of them, so a textured surface speaks softly, and enter through a soft-L1 loss, so a highlight or something unmodelled
+does not pull.
 """
 
 from collections.abc import Generator
@@ -34,7 +34,7 @@ class LightFit:
 
     light: Light
     strength: Array  # (S,) light's strength times albedo, along each surface's mean colour; 0 where no light reaches
-    ambient: float  # over the light's strength
+    around: Array  # (K,) how much there is of each of the problem's fields
     residual: Array  # (N,) radiance
     expected: Array  # (N,) standard deviation of the residual as the fit weighed it
     shading: Array  # (N,) of a unit light, shadows included
@@ -107,10 +107,11 @@ def _stepped(problem: Problem, state: State, matrix: Array, slope: Array, dampin
     size = coordinates(state.light)
     geometry = step[:size] * min(1.0, _LARGEST_STEP / max(np.abs(step[:size]).max(), 1e-300))
     light = moved(state.light, geometry, reach_of(state.light, problem.middle))
-    log_c = state.log_c + np.clip(step[size:-1], -_LARGEST_LOG_STEP, _LARGEST_LOG_STEP)
-    ambient = max(state.ambient + step[-1], 0.0) if problem.with_ambient else 0.0
+    rest = size + len(state.log_c)
+    log_c = state.log_c + np.clip(step[size:rest], -_LARGEST_LOG_STEP, _LARGEST_LOG_STEP)
+    around = np.maximum(state.around + step[rest:], 0.0)
     probe = float(np.clip(np.abs(geometry).max() / _PROBE_UNIT, max(0.5 * state.probe, 1.0), WIDEST_PROBE))
-    return problem.state(light, log_c, ambient, probe)
+    return problem.state(light, log_c, around, probe)
 
 
 def result_of(problem: Problem, state: State, iterations: int, converged: bool) -> LightFit:
@@ -126,7 +127,7 @@ def result_of(problem: Problem, state: State, iterations: int, converged: bool) 
     return LightFit(
         light=state.light,
         strength=np.where(state.log_c > -600, np.exp(state.log_c), 0.0),
-        ambient=state.ambient,
+        around=state.around,
         residual=state.residual(problem),
         expected=expected,
         shading=state.shade * state.share,

@@ -225,20 +225,6 @@ def several_terms(terms: Array, y: Array, weight: Array) -> Array:
     return out
 
 
-def two_terms(direct: Array, ambient: Array, y: Array, weight: Array) -> tuple[float, float]:
-    """Weighted least squares y = p direct + q ambient with p, q >= 0, in closed form."""
-    dd, aa, da = (weight * direct**2).sum(), (weight * ambient**2).sum(), (weight * direct * ambient).sum()
-    dy, ay = (weight * direct * y).sum(), (weight * ambient * y).sum()
-    determinant = dd * aa - da * da
-    if determinant > 1e-12 * dd * aa:
-        p, q = (aa * dy - da * ay) / determinant, (dd * ay - da * dy) / determinant
-        if p >= 0 and q >= 0:
-            return float(p), float(q)
-    alone_p = max(dy / dd, 0.0) if dd > 0 else 0.0
-    alone_q = max(ay / aa, 0.0) if aa > 0 else 0.0
-    return (float(alone_p), 0.0) if alone_p * dy >= alone_q * ay else (0.0, float(alone_q))
-
-
 def _weighted_median(values: Array, weights: Array) -> float:
     order = np.argsort(values)
     total = np.cumsum(weights[order])

@@ -12,13 +12,15 @@ from typing import TypeVar
 import numpy as np
 
 from .color import linear_to_srgb
+from .cues import diffuse_maxima, grid, highlights, terminators
+from .interreflection import Gathered, gather, unseen_radiance, usual_radiance
 from .light_fit import LightFit, fit_light, search_light
 from .light_problem import Problem, brightness, score
 from .lights import reach_of, shading, with_strength
 from .noise import noise_of
 from .radiometric import SCALE, Radiometry, solve_radiometry
 from .samples import choose_samples, extent_of, first
-from .starts import find_starts, in_view
+from .starts import Judge, find_starts, in_view
 from .thesis_minimisers import fit_light_bfgs, fit_light_powell
 from .types import (
     AreaLight,
@@ -28,6 +30,7 @@ from .types import (
     Candidate,
     Estimate,
     Light,
+    Meets,
     Photo,
     PointLight,
     Progress,
@@ -41,9 +44,9 @@ from .uncertainty import uncertainty_of
 from .visibility import openness, visible_fraction
 
 _FAR = 60.0  # of the scene's extent: as good as infinity for a shadow ray
+_BOUNCE_ROUNDS = 2  # of what the photo does not show, by the light found
 _TEXTURED = 0.08  # robust spread of a surface's residual over its mean: more is texture, not noise
 _IN_THE_RUNNING = 0.1  # of negative log likelihood a sample: starts that end farther behind are given up
-_SUNS = 4  # directions a sun is tried from
 _UNTRUSTED = 0.6  # share of the photo's variation left over, above which no light explains it
 
 
@@ -54,17 +57,19 @@ class _Effort:
     samples: int  # for the radiometric solve
     fit_samples: int
     fit_rays: int
-    search_samples: int
-    directions: int
+    search_samples: int  # to rank points and suns by; `refine_samples` to refine the best
+    refine_samples: int
+    directions: int  # tried for a near light; four times as many for a sun
     starts: int
+    suns: int
     finalists: int
     tolerance: float  # of the loss, to end a fit
 
 
 _EFFORTS = {
-    "draft": _Effort(1500, 400, 24, 200, 80, 3, 1, 1e-3),
-    "standard": _Effort(4000, 800, 64, 300, 160, 8, 2, 3e-4),
-    "accurate": _Effort(10000, 2500, 144, 500, 320, 8, 3, 1e-4),
+    "draft": _Effort(1500, 400, 24, 150, 300, 100, 3, 2, 1, 1e-3),
+    "standard": _Effort(4000, 800, 64, 250, 600, 240, 6, 3, 2, 3e-4),
+    "accurate": _Effort(10000, 2500, 144, 400, 1200, 400, 8, 4, 3, 1e-4),
 }
 Found = TypeVar("Found")
 QUALITIES = tuple(_EFFORTS)
@@ -78,6 +83,7 @@ def estimate(
     buffers: Buffers,
     visible: Visible,
     *,
+    meets: Meets | None = None,
     quality: str = "standard",
     model: str = "auto",
     start: AreaLight | None = None,
@@ -85,6 +91,7 @@ def estimate(
 ) -> Generator[Progress, None, Estimate]:
     """Estimate one light and the materials from a photo.
 
+    meets : rays to the geometry; without them there is no interreflection in the model
     quality : one of QUALITIES; model : one of MODELS; start : an initial light instead of those the cues give
     solver : one of SOLVERS
     Raises NothingToLearn where the photo shows too little of the geometry. A photo that no light explains gives a falsy
@@ -94,6 +101,14 @@ def estimate(
     yield Progress(0.0, "Choosing samples")
     samples, middle, extent = _prepared(photo, camera, buffers, visible, effort)
     far = _FAR * extent
+    gathered, fields = None, samples.openness[:, None]
+    if meets is not None:
+        gathering = gather(samples, photo, camera, buffers, meets)
+        gathered = yield from _watched(gathering, 0.02, 0.03, "Gathering the light that surfaces send one another")
+        samples = replace(samples, openness=gathered.openness)
+        fields = np.column_stack(
+            [gathered.openness, _along(samples, gathered.field(usual_radiance(gathered, samples)))]
+        )
     clock.mark("samples")
 
     def hidden(light: Light) -> bool:
@@ -101,27 +116,31 @@ def estimate(
 
     def problem(count: int, rays: int) -> Problem:
         some = first(samples, count)
-        return Problem(some, brightness(some), visible, rays, far, middle, hidden)
+        return Problem(some, brightness(some), visible, rays, far, middle, hidden, fields[:count])
 
     if start is not None:
         # A start that is too large is the hardest to leave: sides grow more surely than they shrink.
         initial = [replace(start, size=by * start.size) for by in (1.0, 0.5, 0.25)]
+        suns = [SunLight((middle - start.centre) / np.linalg.norm(middle - start.centre), np.ones(3))]
     else:
         yield Progress(0.05, "Looking for where the light may be")
-        looked_at = first(samples, effort.search_samples)
+        looked_at = first(samples, effort.refine_samples)
+        level = brightness(looked_at)
+        seen = [*diffuse_maxima(looked_at, level), *terminators(looked_at, level), *highlights(looked_at, level)]
         found = find_starts(
-            looked_at,
-            brightness(looked_at),
-            visible,
+            Judge(looked_at, level, visible, extent, far),
             hidden,
-            directions=effort.directions,
-            count=effort.starts,
+            [*grid(middle, effort.directions), *seen],
+            [*grid(middle, 4 * effort.directions), *seen],
+            count=effort.starts if model != "sun" else 0,
+            suns=effort.suns if model in ("auto", "sun") else 0,
+            search_samples=effort.search_samples,
             middle=middle,
-            extent=extent,
         )
         if not found:
             return _failed("No place for a light explains any of the shading: check the camera and the geometry", clock)
-        initial = [entry.light for entry in found]
+        initial = [entry.light for entry in found if isinstance(entry.light, AreaLight)]
+        suns = [entry.light for entry in found if isinstance(entry.light, SunLight)]
 
     coarse = problem(max(effort.fit_samples // 3, 200), max(effort.fit_rays // 3, 16))
     rough = []
@@ -139,22 +158,29 @@ def estimate(
     rough.sort(key=lambda fit: fit.score)
     fine, dense = problem(effort.fit_samples, effort.fit_rays), problem(2 * effort.fit_samples, 1)
     fits: list[tuple[str, LightFit, Candidate]] = []
-    tried = _models(model, rough, effort.finalists, middle)
+    tried = _models(model, rough, suns, effort.finalists)
     share = 0.4 / len(tried)
     for name, begun, guessed in tried:
         since, begin, message = time.perf_counter(), 0.5 + share * len(fits), f"Fitting the {name} light"
         final = fine
         if guessed:
             # One ray finds all of a small source's shadow, so all samples can be asked for its edge.
-            final = dense
-            rougher = fit_light(coarse, begun, iterations=14, tolerance=1e-3)
-            near = yield from _watched(rougher, begin, 0.2 * share, message)
-            search = search_light(dense, near.light, widest=0.04, finest=1e-3)
-            begun = yield from _watched(search, begin + 0.2 * share, 0.3 * share, message)
+            search = search_light(dense, begun, widest=0.06, finest=1e-3)
+            begun = yield from _watched(search, begin, 0.5 * share, message)
+            final = fine if isinstance(begun, SunLight) else dense
         steps = SOLVERS[solver](final, begun, iterations=40, tolerance=effort.tolerance)
         fit = yield from _watched(steps, begin + 0.5 * share, 0.5 * share, message)
         fits.append((name, fit, Candidate(name, _criterion(fit, fine), time.perf_counter() - since)))
     name, fit, _ = min(fits, key=lambda entry: entry[2].score)
+    bounced = np.zeros((len(samples), 3))
+    if gathered is not None and fit.around[1] > 0:
+        for _ in range(_BOUNCE_ROUNDS):
+            bounced = gathered.field(_unseen(gathered, samples, fit, bounced, visible, far))
+            fields = np.column_stack([samples.openness, _along(samples, bounced)])
+            settling = problem(effort.fit_samples, effort.fit_rays)
+            steps = SOLVERS[solver](settling, fit.light, iterations=40, tolerance=effort.tolerance)
+            fit = yield from _watched(steps, 0.85, 0.05, "Settling what surfaces send one another")
+        bounced = fit.around[1] * bounced
     candidates = [entry[2] for entry in fits]
     clock.mark("fit")
 
@@ -163,7 +189,7 @@ def estimate(
     sure = uncertainty_of(fit, reach)
     lit = shading(fit.light, samples.point, samples.normal)
     lit = lit * visible_fraction(fit.light, samples, visible, effort.fit_rays, far)
-    radiometry = solve_radiometry(samples, lit[:, None], with_ambient=fine.with_ambient)
+    radiometry = solve_radiometry(samples, lit[:, None], bounced=bounced)
     clock.mark("solve")
     best_of: dict[str, Candidate] = {}
     for candidate in sorted(candidates, key=lambda c: -c.score):
@@ -232,6 +258,27 @@ def _prepared(
     return replace(samples, openness=openness(samples, visible, 32, _FAR * extent)), middle, extent
 
 
+def _along(samples: Samples, field: Array) -> Array:
+    """A field (N, 3) of coloured light as brightness along each sample's surface's colour (N,), for an albedo of 1."""
+    out = np.empty(len(samples))
+    for s in np.unique(samples.surface):
+        of = samples.surface == s
+        colour = np.average(samples.colour[of], axis=0, weights=samples.weight[of]) ** 2
+        out[of] = field[of] @ (colour / max(colour.sum(), 1e-300))
+    return out
+
+
+def _unseen(gathered: Gathered, samples: Samples, fit: LightFit, bounced: Array, visible: Visible, far: float) -> Array:
+    """Radiance (M, 3) that the light found gives to what the photo does not show."""
+    colour = np.zeros((len(samples.names), 3))
+    for s in np.unique(samples.surface):
+        of = samples.surface == s
+        colour[s] = np.average(samples.colour[of], axis=0, weights=samples.weight[of])
+    colour /= np.maximum(np.linalg.norm(colour, axis=1, keepdims=True), 1e-300)
+    around = fit.around[0] * gathered.openness.mean() + fit.around[1] * bounced.mean(axis=0)
+    return unseen_radiance(gathered, fit.light, fit.strength[:, None] * colour, around, visible, samples.lift, far)
+
+
 def _watched(
     fit: Generator[float, None, Found], begin: float, span: float, message: str
 ) -> Generator[Progress, None, Found]:
@@ -246,18 +293,16 @@ def _watched(
         yield Progress(begin + span * (1 - 0.85**steps), message)
 
 
-def _models(model: str, rough: list[LightFit], finalists: int, middle: Array) -> list[tuple[str, Light, bool]]:
+def _models(model: str, rough: list[LightFit], suns: list[SunLight], finalists: int) -> list[tuple[str, Light, bool]]:
     """What to fit for the model asked for: its name, an initial light, and whether that is no more than a guess."""
     near = [fit for fit in rough[:finalists] if fit.score < rough[0].score + _IN_THE_RUNNING]
-    places = [fit.light.centre for fit in rough if isinstance(fit.light, AreaLight)]
     starts: list[tuple[str, Light, bool]] = []
     if model in ("auto", "area"):
         starts += [("area", fit.light, False) for fit in near]
-    if model in ("auto", "point"):
-        starts.append(("point", PointLight(places[0], np.ones(3)), True))
+    if model in ("auto", "point") and near:
+        starts.append(("point", PointLight(near[0].light.centre, np.ones(3)), True))
     if model in ("auto", "sun"):
-        ways = [(middle - place) / np.linalg.norm(middle - place) for place in places[:_SUNS]]
-        starts += [("sun", SunLight(way, np.ones(3)), True) for way in ways]
+        starts += [("sun", sun, True) for sun in suns]
     return starts
 
 

@@ -32,32 +32,40 @@ class Radiometry:
     converged: bool
 
 
-def solve_radiometry(samples: Samples, shading: Array, *, with_ambient: bool = True) -> Radiometry:
+def solve_radiometry(
+    samples: Samples, shading: Array, *, with_ambient: bool = True, bounced: Array | None = None
+) -> Radiometry:
     """Solve for strengths, albedos and ambient.
 
     shading : (N, L) of each light at unit strength, shadows included
     with_ambient : False holds the ambient at zero
+    bounced : (N, 3) what other surfaces send, over the first light's strength
     Residuals beyond their surface's usual spread count less (soft-L1), so highlights and unmodelled things do not pull.
     The ambient gets a colour of its own only where that leaves clearly less over than the first light's colour does:
     the darkest pixels of textured surfaces say little about it, and a wrong one shows in every shadow.
     """
-    coloured = _solve(samples, shading, samples.openness * float(with_ambient))
+    lit = np.repeat(shading[..., None], 3, axis=2)
+    if bounced is not None:
+        lit[:, 0] += bounced
+    coloured = _solve(samples, lit, samples.openness * float(with_ambient))
     if not np.any(coloured.ambient > 0):
         return coloured
-    plain = _with_plain_ambient(samples, shading, coloured)
+    plain = _with_plain_ambient(samples, lit, coloured)
     return coloured if _left_over(samples, coloured) < _left_over(samples, plain) - _COLOUR_GAIN else plain
 
 
 def _solve(samples: Samples, shading: Array, ambient: Array) -> Radiometry:
-    """Solve with an ambient of shading (N,) and any colour."""
-    terms = np.concatenate([shading, ambient[:, None]], axis=1)
+    """Solve for lights of shading (N, L, 3) and an ambient of shading (N,) and any colour."""
+    terms = np.concatenate([shading, np.repeat(ambient[:, None, None], 3, axis=2)], axis=1)
     parts = np.zeros((3, terms.shape[1]))
     albedo = np.zeros((3, len(samples.names)))
     converged = True
     for channel in range(3):
-        parts[channel], albedo[channel], settled = _solve_channel(samples, terms, samples.colour[:, channel])
+        parts[channel], albedo[channel], settled = _solve_channel(
+            samples, terms[..., channel], samples.colour[:, channel]
+        )
         converged &= settled
-    residual = samples.colour - albedo.T[samples.surface] * (terms @ parts.T)
+    residual = samples.colour - albedo.T[samples.surface] * np.einsum("ntc,ct->nc", terms, parts)
     scale = np.max(albedo) / LARGEST_ALBEDO if np.any(albedo > 0) else 1.0
     return Radiometry(
         strengths=scale * parts[:, :-1].T,
@@ -72,7 +80,7 @@ def _with_plain_ambient(samples: Samples, shading: Array, coloured: Radiometry) 
     """Solve with an ambient of the first light's colour: none, or what one channel says of it; what leaves least."""
 
     def with_share(ratio: float) -> Radiometry:
-        first = shading[:, :1] + ratio * samples.openness[:, None]
+        first = shading[:, :1] + ratio * samples.openness[:, None, None]
         found = _solve(samples, np.concatenate([first, shading[:, 1:]], axis=1), np.zeros(len(samples)))
         return replace(found, ambient=ratio * found.strengths[0])
 

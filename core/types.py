@@ -21,6 +21,19 @@ Visible = Callable[[Array, Array], Mask]
 
 
 @dataclass(frozen=True, slots=True)
+class Hits:
+    """What M rays met first."""
+
+    point: Array  # (M, 3) NaN where a ray met nothing
+    normal: Array  # (M, 3) unit normal of the face, on the side that was met
+    surface: NDArray[np.intp]  # (M,) index into the names of the surfaces the photo shows, -1 for others and for none
+
+
+# meets(points (M, 3), directions (M, 3)) -> Hits; points are already lifted off their surface.
+Meets = Callable[[Array, Array], Hits]
+
+
+@dataclass(frozen=True, slots=True)
 class Photo:
     """A scene-linear photo and which of its pixels the sensor clipped."""
 

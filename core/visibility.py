@@ -92,18 +92,24 @@ def _on_disc(light: SunLight, point: Array, at: Array, far: float) -> Array:
     return point[:, None] + far * (off - light.normal)
 
 
+def hemisphere(normals: Array, rays: int) -> Array:
+    """Directions (N, rays, 3) over the hemispheres of unit normals (N, 3), as dense as the cosine to the normal."""
+    at = pattern(len(normals), rays)
+    radius, turn = np.sqrt(at[..., 0]), 2 * np.pi * at[..., 1]
+    helper = np.eye(3)[np.argmin(np.abs(normals), axis=1)]
+    u = np.cross(helper, normals)
+    u /= np.linalg.norm(u, axis=1, keepdims=True)
+    v = np.cross(normals, u)
+    x, y, z = radius * np.cos(turn), radius * np.sin(turn), np.sqrt(1.0 - at[..., 0])
+    return x[..., None] * u[:, None] + y[..., None] * v[:, None] + z[..., None] * normals[:, None]
+
+
 def openness(samples: Samples, visible: Visible, rays: int, far: float) -> Array:
     """Compute the share (N,) of the cosine-weighted hemisphere over each sample that sees past the geometry."""
-    at = pattern(len(samples), rays)
-    radius, turn = np.sqrt(at[..., 0]), 2 * np.pi * at[..., 1]
-    helper = np.eye(3)[np.argmin(np.abs(samples.normal), axis=1)]
-    u = np.cross(helper, samples.normal)
-    u /= np.linalg.norm(u, axis=1, keepdims=True)
-    v = np.cross(samples.normal, u)
-    x, y, z = radius * np.cos(turn), radius * np.sin(turn), np.sqrt(1.0 - at[..., 0])
-    direction = x[..., None] * u[:, None] + y[..., None] * v[:, None] + z[..., None] * samples.normal[:, None]
+    direction = hemisphere(samples.normal, rays)
     start = samples.point + samples.lift * samples.normal
-    return _cast(start, start[:, None] + far * direction, np.ones(at.shape[:2], dtype=bool), visible).mean(axis=1)
+    wanted = np.ones(direction.shape[:2], dtype=bool)
+    return _cast(start, start[:, None] + far * direction, wanted, visible).mean(axis=1)
 
 
 def _cast(start: Array, target: Array, wanted: Array, visible: Visible) -> Array:

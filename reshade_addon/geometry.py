@@ -1,6 +1,7 @@
 """A scene's geometry as triangles in world coordinates, read from the render depsgraph, and rays into it."""
 
 import hashlib
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -137,6 +138,23 @@ class RayCaster:
         start = (origin - self._middle).tolist()
         found = [cast(start, direction)[2] for direction in directions.tolist()]
         return np.array([-1 if index is None else index for index in found], dtype=np.int64)
+
+    def first_hits(self, points: Array, directions: Array) -> tuple[NDArray[np.int64], Array, Array]:
+        """What rays from points (M, 3) along unit directions (M, 3) meet first.
+
+        Returns the triangle (M,), -1 for none, the place (M, 3), NaN for none, and the face's normal (M, 3) on the side
+        that is met. Places are in the tree's single precision: good enough to look something up there.
+        """
+        starts = (points - self._middle).tolist()
+        hits = map(self._tree.ray_cast, starts, directions.tolist())
+        found = [(-1, math.nan) if hit[2] is None else hit[2:] for hit in hits]
+        triangle, distance = np.array(found, dtype=np.float64).reshape(-1, 2).T
+        index = triangle.astype(np.int64)
+        a, b, c = np.moveaxis(self._corner[index], 1, 0) if len(self._corner) else np.zeros((3, len(index), 3))
+        face = np.cross(b - a, c - a)
+        face /= np.maximum(np.linalg.norm(face, axis=1, keepdims=True), 1e-300)
+        face *= np.where(np.einsum("ij,ij->i", face, directions) > 0, -1.0, 1.0)[:, None]
+        return index, points + distance[:, None] * directions, face
 
     def visible(self, points: Array, targets: Array) -> Mask:
         """Whether nothing lies on each open segment between points (M, 3) and targets (M, 3): `types.Visible`."""

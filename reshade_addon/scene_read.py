@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ..core import camera as pinhole
 from ..core.errors import ReshadeError
 from ..core.light_units import emission, intensity_from_power, radiance_from_power
-from ..core.types import AreaLight, Array, Buffers, Camera, Light, Mask, PointLight, Progress, SunLight
+from ..core.types import AreaLight, Array, Buffers, Camera, Hits, Light, Mask, Meets, PointLight, Progress, SunLight
 from .geometry import RayCaster, SceneGeometry, read_geometry
 from .render_depsgraph import with_render_depsgraph
 
@@ -142,6 +142,18 @@ def read_buffers(view: SceneView, stride: int = 1) -> Generator[Progress, None, 
         names=tuple(geometry.materials[index] for index in used),
         stride=stride,
     )
+
+
+def meets(view: SceneView, names: tuple[str, ...]) -> Meets:
+    """Rays into a scene's geometry that tell what surface, by its index into `names`, they meet first."""
+    materials = view.geometry.materials
+    number = np.array([names.index(name) if name in names else -1 for name in (*materials, "")], dtype=np.intp)
+
+    def meet(points: Array, directions: Array) -> Hits:
+        triangle, point, normal = view.caster.first_hits(points, directions)
+        return Hits(point, normal, np.where(triangle >= 0, number[view.geometry.material[triangle]], -1))
+
+    return meet
 
 
 def silhouette(view: SceneView) -> Generator[Progress, None, Mask]:

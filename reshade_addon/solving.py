@@ -21,6 +21,7 @@ from .scene_copy import SceneCopy, original, packed, unpacked
 from .scene_read import (
     SceneView,
     check_aspect,
+    meets,
     perspective_camera,
     read_buffers,
     read_light,
@@ -59,7 +60,16 @@ def estimate_light(
     began = perf_counter()
     view, buffers = yield from _read(scene, photo, quality)
     reading = perf_counter() - began
-    steps = estimate(photo, view.camera, buffers, view.caster.visible, quality=quality, model=model, start=start)
+    steps = estimate(
+        photo,
+        view.camera,
+        buffers,
+        view.caster.visible,
+        meets=meets(view, buffers.names),
+        quality=quality,
+        model=model,
+        start=start,
+    )
     result = yield from part(steps, READ, SOLVED)
     solution = Solution(result, quality, view)
     return (yield from _completed(scene, photo, solution, reading, began))

@@ -41,7 +41,16 @@ def unshadowed(scene, light, *, ambient=0.0, noise=0.0, seed=0, with_ambient=Tru
         colour = colour + level * np.random.default_rng(seed).normal(size=colour.shape)
     samples = replace(samples, colour=colour, weight=np.ones(len(samples)), openness=np.ones(len(samples)))
     middle, extent = extent_of(samples)
-    return Problem(samples, brightness(samples), None, 1, 60 * extent, middle, lambda _: True, with_ambient)
+    return Problem(
+        samples,
+        brightness(samples),
+        None,
+        1,
+        60 * extent,
+        middle,
+        lambda _: True,
+        np.ones((len(samples), int(with_ambient))),
+    )
 
 
 def wrong_starts(light, middle):
@@ -79,13 +88,13 @@ def test_the_jacobian_is_the_slope_of_the_residual(ball, kind):
         "point": PointLight(1.1 * true.centre, np.ones(3)),
         "sun": SunLight(true.normal, np.ones(3)),
     }[kind]
-    state = replace(problem.start(light), ambient=0.2)
+    state = replace(problem.start(light), around=np.array([0.2]))
     jacobian, reach, h = model_jacobian(problem, state), reach_of(light, problem.middle), 1e-5
     size = jacobian.shape[1] - len(state.log_c) - 1
 
     def residual(step):
         there = moved(light, step[:size], reach)
-        return problem.state(there, state.log_c + step[size:-1], state.ambient + step[-1], 1.0).residual(problem)
+        return problem.state(there, state.log_c + step[size:-1], state.around + step[-1:], 1.0).residual(problem)
 
     slope = [(residual(-h * axis) - residual(h * axis)) / (2 * h) for axis in np.eye(jacobian.shape[1])]
     np.testing.assert_allclose(jacobian, np.stack(slope, axis=1), atol=1e-7 * np.abs(jacobian).max())
