@@ -1,69 +1,188 @@
-"""Starts for the light fit, from simple cues: where would a small light explain shading and shadows best?
+"""Starts for the light fit: where would a small light, or a sun, explain shading and shadows best?
 
-Points on a grid of directions and distances round the scene are tried with one shadow ray a sample; each surface's
-strength and ambient then have a closed form, and what is left over ranks the point. To the grid come the directions of
-the normals at each surface's brightest samples (thesis 4.2.3, maxima), which a grid may miss between two of its nodes.
+Every cue says that the light lies on a half line (`cues.Line`): from the middle of the scene along a direction of a
+grid, the normal at a diffuse maximum, the direction that a terminator's plane is square to, the mirrored view at a
+highlight, or what the user pointed at. Points along each line, and the sun at its end, are tried with one shadow ray a
+sample. Each surface's strength and ambient then have a closed form, and what is left over ranks them. The best are
+refined by compass search in direction and log distance, on more samples, before any is chosen.
 """
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from .camera import project
-from .light_problem import Hidden, two_terms
-from .lights import facing, shading
+from .cues import GRID, Line
+from .light_problem import Hidden
+from .lights import across, facing, shading
+from .samples import first
 from .types import AreaLight, Array, Buffers, Camera, Light, PointLight, Samples, SunLight, Visible
 from .visibility import visible_fraction
 
-_DISTANCES = (0.7, 1.3, 2.5, 6.0)  # of the scene's extent
+_DISTANCES = (0.6, 1.0, 1.6, 2.5, 4.5, 10.0, 25.0)  # of the scene's extent
 _FIRST_SIDE = 0.15  # of the distance: sides grow to what a penumbra asks more surely than they shrink
-_APART = np.radians(20.0)
+_APART = np.radians(15.0)  # grid nodes closer than this, at a similar distance, lead to the same place
+_APART_REFINED = np.radians(4.0)
+_FACTOR_APART = 1.8  # of distance
+_FIRST_STEP, _LAST_STEP = 0.1, 0.008  # of the compass search: radians, and three times that of log distance
+_SUN_FIRST_STEP, _SUN_LAST_STEP = np.radians(3.0), np.radians(0.08)
+_BY_SHADOWS = 0.15  # of the score: what shadows must explain for them to be the cue
+SHADOW = "shadow and what casts it"
 
 
 @dataclass(frozen=True, slots=True)
 class Start:
     """An initial light, the cue that made it, and what it leaves unexplained (lower is better)."""
 
-    light: AreaLight
+    light: AreaLight | SunLight
     cue: str
     score: float
 
 
-def find_starts(
-    samples: Samples,
-    brightness: Array,
-    visible: Visible,
-    hidden: Hidden,
-    *,
-    directions: int,
-    count: int,
-    middle: Array,
-    extent: float,
-) -> tuple[Start, ...]:
-    """Find up to `count` starts, best first, no two within 20 degrees of each other at a similar distance.
+@dataclass(frozen=True, slots=True)
+class Judge:
+    """Scores small lights and suns by what they leave over of some samples, shadows by one ray each."""
 
-    brightness : (N,) from `light_problem.brightness`; hidden : a light that the photo would show is no start
-    middle (3,), extent : from `samples.extent_of`
-    directions : how many directions of the sphere are tried, at four distances each
+    samples: Samples
+    brightness: Array  # (N,)
+    visible: Visible
+    extent: float
+    far: float
+
+    def first(self, count: int) -> "Judge":
+        """The same on the first samples alone."""
+        return replace(self, samples=first(self.samples, count), brightness=self.brightness[:count])
+
+    def score(self, light: PointLight | SunLight, *, shadows: bool = True) -> float:
+        """Log of the mean absolute residual, each surface with its own strength and ambient, by weight.
+
+        Infinite for a light in the geometry, and for one that lights next to nothing.
+        """
+        samples, weight = self.samples, self.samples.weight
+        if isinstance(light, PointLight):
+            away = light.centre - samples.point
+            if np.einsum("ij,ij->i", away, away).min() < (0.05 * self.extent) ** 2:
+                return np.inf
+        lit = shading(light, samples.point, samples.normal)
+        if weight[lit > 0].sum() < 0.05 * weight.sum():
+            return np.inf
+        if shadows:
+            lit = lit * visible_fraction(light, samples, self.visible, 1, self.far)
+        surface, count, y, openness = samples.surface, len(samples.names), self.brightness, samples.openness
+        direct, ambient = _two_terms(lit, openness, y, weight, surface, count)
+        off = np.abs(y - direct[surface] * lit - ambient[surface] * openness)
+        total = np.bincount(surface, weight, count)
+        seen = total > 0
+        floor = 1e-6 * np.bincount(surface, weight * y, count)[seen] / total[seen] + 1e-300
+        left = np.log(np.bincount(surface, weight * off, count)[seen] / total[seen] + floor)
+        return float((total[seen] * left).sum() / total[seen].sum())
+
+
+def find_starts(
+    judge: Judge,
+    hidden: Hidden,
+    lines: Sequence[Line],
+    sky: Sequence[Line],
+    *,
+    count: int,
+    suns: int,
+    search_samples: int,
+    middle: Array,
+) -> tuple[Start, ...]:
+    """Find up to `count` area lights along `lines` and `suns` suns along `sky` to start from, best first.
+
+    judge : with all samples that refining may use; search_samples : as many of them rank what is tried
+    hidden : a light that the photo would show is no start; middle (3,) : from `samples.extent_of`
     """
-    tried = [(middle + r * extent * way, "grid") for way in _sphere(directions) for r in _DISTANCES]
-    tried += [(middle + r * extent * way, "maximum") for way in _brightest(samples, brightness) for r in _DISTANCES]
-    ranked = []
-    for centre, cue in tried:
-        light = PointLight(centre, np.ones(3))
-        score = _left_over(light, samples, brightness, visible, extent) if hidden(light) else np.inf
+    quick = judge.first(search_samples)
+    points = _near_starts(judge, quick, hidden, lines, count, middle) if count else []
+    ways = _sun_starts(judge, quick, sky, suns) if suns else []
+    return tuple(sorted(points + ways, key=lambda start: start.score))
+
+
+def _near_starts(
+    judge: Judge, quick: Judge, hidden: Hidden, lines: Sequence[Line], count: int, middle: Array
+) -> list[Start]:
+    tried = []
+    for line in lines:
+        for r in line.distances or tuple(r * judge.extent for r in _DISTANCES):
+            centre = line.origin + r * line.way
+            light = PointLight(centre, np.ones(3))
+            score = quick.score(light) if hidden(light) else np.inf
+            if np.isfinite(score):
+                tried.append((score, line.cue, centre))
+    refined = []
+    for _, cue, centre in _distinct(tried, 3 * count, middle, _APART):
+        score, there = _refined(judge, hidden, centre, middle)
         if np.isfinite(score):
-            ranked.append((score, cue, centre))
-    ranked.sort(key=lambda entry: entry[0])
-    words = {"grid": "shading and shadows of a point", "maximum": "normal at a diffuse maximum"}
-    chosen: list[Start] = []
-    for score, cue, centre in ranked:
-        if len(chosen) == count:
-            break
-        if all(_differ(centre, start.light.centre, middle) for start in chosen):
-            side = _FIRST_SIDE * float(np.linalg.norm(centre - middle))
-            chosen.append(Start(facing(centre, middle, side), words[cue], score))
-    return tuple(chosen)
+            refined.append((score, cue, there))
+    starts = []
+    for score, cue, centre in _distinct(refined, count, middle, _APART_REFINED):
+        light = PointLight(centre, np.ones(3))
+        side = _FIRST_SIDE * float(np.linalg.norm(centre - middle))
+        starts.append(Start(facing(centre, middle, side), _named(judge, light, cue, score), score))
+    return starts
+
+
+def _sun_starts(judge: Judge, quick: Judge, lines: Sequence[Line], count: int) -> list[Start]:
+    tried = [(quick.score(SunLight(-line.way, np.ones(3))), line.cue, line.way) for line in lines if not line.distances]
+    origin = np.zeros(3)
+    refined = []
+    for _, cue, way in _distinct([entry for entry in tried if np.isfinite(entry[0])], 3 * count, origin, _APART / 2):
+        refined.append((*_refined_sun(judge, way), cue))
+    starts = []
+    for score, cue, way in _distinct([(s, cue, way) for s, way, cue in refined], count, origin, _SUN_FIRST_STEP / 2):
+        sun = SunLight(-way, np.ones(3))
+        starts.append(Start(sun, _named(judge, sun, cue, score), score))
+    return starts
+
+
+def _named(judge: Judge, light: PointLight | SunLight, cue: str, score: float) -> str:
+    """The cue of a start: its shadows, where these explain much that shading alone does not."""
+    if cue != GRID:
+        return cue
+    return SHADOW if judge.score(light, shadows=False) - score > _BY_SHADOWS else GRID
+
+
+def _refined(judge: Judge, hidden: Hidden, centre: Array, middle: Array) -> tuple[float, Array]:
+    """Compass search from a point in direction and log distance: the score reached, and where."""
+
+    def score(at: Array) -> float:
+        light = PointLight(at, np.ones(3))
+        return judge.score(light) if hidden(light) else np.inf
+
+    best, step = score(centre), _FIRST_STEP
+    while step >= _LAST_STEP:
+        moved = False
+        for axis, sign in ((0, 1), (0, -1), (1, 1), (1, -1), (2, 1), (2, -1)):
+            away = centre - middle
+            r = float(np.linalg.norm(away))
+            if axis == 2:
+                there = middle + away * np.exp(sign * 3 * step)
+            else:
+                turned = away / r + sign * step * across(away / r)[axis]
+                there = middle + r * turned / np.linalg.norm(turned)
+            if (value := score(there)) < best:
+                centre, best, moved = there, value, True
+        if not moved:
+            step *= 0.5
+    return best, centre
+
+
+def _refined_sun(judge: Judge, way: Array) -> tuple[float, Array]:
+    """Compass search from a direction towards the sun: the score reached, and where."""
+    best, step = judge.score(SunLight(-way, np.ones(3))), _SUN_FIRST_STEP
+    while step >= _SUN_LAST_STEP:
+        moved = False
+        for axis, sign in ((0, 1), (0, -1), (1, 1), (1, -1)):
+            there = way + sign * step * across(way)[axis]
+            there /= np.linalg.norm(there)
+            if (value := judge.score(SunLight(-there, np.ones(3)))) < best:
+                way, best, moved = there, value, True
+        if not moved:
+            step *= 0.5
+    return best, way
 
 
 def in_view(light: Light, camera: Camera, buffers: Buffers) -> bool:
@@ -81,47 +200,41 @@ def in_view(light: Light, camera: Camera, buffers: Buffers) -> bool:
     return bool(np.linalg.norm(light.centre - eye) < np.linalg.norm(seen - eye))
 
 
-def _left_over(light: PointLight, samples: Samples, brightness: Array, visible: Visible, extent: float) -> float:
-    """Log of what a point light leaves unexplained, each surface with its own strength and ambient, by weight."""
-    near = np.min(np.linalg.norm(samples.point - light.centre, axis=1))
-    if near < 0.05 * extent:
-        return np.inf  # the light would sit in the geometry
-    lit = shading(light, samples.point, samples.normal)
-    if np.average(lit > 0, weights=samples.weight) < 0.05:
-        return np.inf
-    lit = lit * visible_fraction(light, samples, visible, 1, 0.0)
-    total = 0.0
-    for s in np.unique(samples.surface):
-        of = samples.surface == s
-        weight, y = samples.weight[of], brightness[of]
-        direct, ambient = two_terms(lit[of], samples.openness[of], y, weight)
-        off = np.abs(y - direct * lit[of] - ambient * samples.openness[of])
-        floor = 1e-6 * np.average(y, weights=weight) + 1e-300
-        total += weight.sum() * np.log(np.average(off, weights=weight) + floor)
-    return total / samples.weight.sum()
+def _two_terms(
+    direct: Array, ambient: Array, y: Array, weight: Array, surface: Array, count: int
+) -> tuple[Array, Array]:
+    """`light_problem.two_terms` of all surfaces at once: (S,) factors of direct and of ambient, none negative."""
+
+    def total(value: Array) -> Array:
+        return np.bincount(surface, weight * value, count)
+
+    dd, aa, da = total(direct * direct), total(ambient * ambient), total(direct * ambient)
+    dy, ay = total(direct * y), total(ambient * y)
+    determinant = dd * aa - da * da
+    sound = determinant > 1e-12 * dd * aa
+    safe = np.where(sound, determinant, 1.0)
+    p, q = (aa * dy - da * ay) / safe, (dd * ay - da * dy) / safe
+    both = sound & (p >= 0) & (q >= 0)
+    alone_p = np.maximum(np.where(dd > 0, dy / np.where(dd > 0, dd, 1.0), 0.0), 0.0)
+    alone_q = np.maximum(np.where(aa > 0, ay / np.where(aa > 0, aa, 1.0), 0.0), 0.0)
+    first_only = alone_p * dy >= alone_q * ay
+    return np.where(both, p, np.where(first_only, alone_p, 0.0)), np.where(both, q, np.where(first_only, 0.0, alone_q))
 
 
-def _brightest(samples: Samples, brightness: Array) -> list[Array]:
-    """Normal at the brightest samples of each surface, as the mean of the brightest twentieth."""
-    ways = []
-    for s in np.unique(samples.surface):
-        of = np.flatnonzero(samples.surface == s)
-        top = of[np.argsort(brightness[of])[-max(len(of) // 20, 1) :]]
-        mean = samples.normal[top].mean(axis=0)
-        if np.linalg.norm(mean) > 0.5:
-            ways.append(mean / np.linalg.norm(mean))
-    return ways
+def _distinct(
+    ranked: list[tuple[float, str, Array]], count: int, middle: Array, apart: float
+) -> list[tuple[float, str, Array]]:
+    """The best entries, no two of which lie in the same direction from the middle at a similar distance."""
+    chosen: list[tuple[float, str, Array]] = []
+    for entry in sorted(ranked, key=lambda entry: entry[0]):
+        if len(chosen) == count:
+            break
+        if all(_differ(entry[2], other[2], middle, apart) for other in chosen):
+            chosen.append(entry)
+    return chosen
 
 
-def _differ(a: Array, b: Array, middle: Array) -> bool:
+def _differ(a: Array, b: Array, middle: Array, apart: float) -> bool:
     da, db = np.linalg.norm(a - middle), np.linalg.norm(b - middle)
     cosine = (a - middle) @ (b - middle) / (da * db)
-    return bool(np.arccos(np.clip(cosine, -1, 1)) > _APART or max(da, db) / min(da, db) > 2.2)
-
-
-def _sphere(count: int) -> Array:
-    """(count, 3) unit directions spread evenly over the sphere (Fibonacci lattice)."""
-    z = 1 - (2 * np.arange(count) + 1) / count
-    turn = np.pi * (3 - np.sqrt(5)) * np.arange(count)
-    ring = np.sqrt(1 - z * z)
-    return np.stack([ring * np.cos(turn), ring * np.sin(turn), z], axis=1)
+    return bool(np.arccos(np.clip(cosine, -1, 1)) > apart or max(da, db) / min(da, db) > _FACTOR_APART)
