@@ -111,7 +111,7 @@ def read_buffers(view: SceneView, stride: int = 1) -> Generator[Progress, None, 
     camera, geometry = view.camera, view.geometry
     centres = pinhole.pixel_centres(camera.width, camera.height, stride)
     shape = centres.shape[:2]
-    seen = yield from _cast(view, centres.reshape(-1, 2), 0.0, 1.0 if stride == 1 else 0.2)
+    seen = yield from cast(view, centres.reshape(-1, 2), 0.0, 1.0 if stride == 1 else 0.2)
     if not (seen.triangle >= 0).any():
         raise ReshadeError("No geometry is in the camera's view", "Turn the camera to it, or show it in renders")
     naked = seen.triangle[(seen.triangle >= 0) & (geometry.material[seen.triangle] < 0)]
@@ -128,7 +128,7 @@ def read_buffers(view: SceneView, stride: int = 1) -> Generator[Progress, None, 
             other = seen.at(order[rows][:, columns].reshape(-1))
         else:
             beside = centres.reshape(-1, 2) + np.array([dx, dy])
-            other = yield from _cast(view, beside, 0.2 + 0.2 * number, 0.4 + 0.2 * number)
+            other = yield from cast(view, beside, 0.2 + 0.2 * number, 0.4 + 0.2 * number)
         mixed |= _differ(view, seen, other)
     used = np.unique(geometry.material[seen.triangle[seen.triangle >= 0]])
     number = np.full(len(geometry.materials) + 1, -1, dtype=np.int32)
@@ -159,23 +159,23 @@ def meets(view: SceneView, names: tuple[str, ...]) -> Meets:
 def silhouette(view: SceneView) -> Generator[Progress, None, Mask]:
     """Find the pixels (H, W) whose centres show any geometry."""
     centres = pinhole.pixel_centres(view.camera.width, view.camera.height)
-    seen = yield from _cast(view, centres.reshape(-1, 2), 0.0, 1.0)
+    seen = yield from cast(view, centres.reshape(-1, 2), 0.0, 1.0)
     return (seen.triangle >= 0).reshape(centres.shape[:2])
 
 
 @dataclass(frozen=True, slots=True)
-class _Seen:
+class Seen:
     """What M rays met: triangle (M,) or -1, point and shading normal (M, 3) or NaN."""
 
     triangle: NDArray[np.int64]
     point: Array
     normal: Array
 
-    def at(self, index: NDArray[np.int64]) -> "_Seen":
-        return _Seen(self.triangle[index], self.point[index], self.normal[index])
+    def at(self, index: NDArray[np.int64]) -> "Seen":
+        return Seen(self.triangle[index], self.point[index], self.normal[index])
 
 
-def _cast(view: SceneView, xy: Array, start: float, end: float) -> Generator[Progress, None, _Seen]:
+def cast(view: SceneView, xy: Array, start: float, end: float) -> Generator[Progress, None, Seen]:
     """Cast a ray through each pixel position (M, 2), telling progress from `start` to `end`."""
     parts = []
     for first in range(0, len(xy), RAYS_A_STEP):
@@ -194,11 +194,11 @@ def _cast(view: SceneView, xy: Array, start: float, end: float) -> Generator[Pro
         face *= -np.sign(np.einsum("ij,ij->i", face, directions[hit]))[:, None]
         shading *= np.where(np.einsum("ij,ij->i", shading, face) < 0, -1.0, 1.0)[:, None]
         normal[hit] = shading / np.maximum(np.linalg.norm(shading, axis=1, keepdims=True), 1e-30)
-        parts.append(_Seen(triangle, point, normal))
-    return _Seen(*(np.concatenate([getattr(part, name) for part in parts]) for name in ("triangle", "point", "normal")))
+        parts.append(Seen(triangle, point, normal))
+    return Seen(*(np.concatenate([getattr(part, name) for part in parts]) for name in ("triangle", "point", "normal")))
 
 
-def _differ(view: SceneView, here: _Seen, beside: _Seen) -> NDArray[np.bool_]:
+def _differ(view: SceneView, here: Seen, beside: Seen) -> NDArray[np.bool_]:
     """Whether rays a pixel apart show different things (M,)."""
     geometry, camera = view.geometry, view.camera
     both = (here.triangle >= 0) & (beside.triangle >= 0)
