@@ -37,15 +37,16 @@ def reflected(
     response: Callable[[Array, Array, Array], Array],
     width: float,
     tolerance: float = 1e-4,
+    negligible: float | Array = _NEGLIGIBLE,
 ) -> AreaIntegral:
     """Integrate a response (see `reflectance`) over a light that nothing occludes, to a relative tolerance.
 
     points, normals, views : (N, 3); views point to the viewer
     response : of normal, to_light, to_view, each (..., 3)
     width : radians within which the response's peak about the mirrored direction falls off; finds narrow peaks
+    negligible : values, or (N,) of them, below which nothing is resolved further
 
-    The light is quartered, first at the point that is seen mirrored, then wherever two rules disagree. Values below
-    1e-9 are not resolved further.
+    The light is quartered, first at the point that is seen mirrored, then wherever two rules disagree.
     """
     count = len(points)
     peak = _mirrored(light, points, normals, views)
@@ -69,7 +70,7 @@ def reflected(
             break
         parts = [cell_sums(slice(k, k + _CHUNK)) for k in range(0, len(owner), _CHUNK)]
         fine, apart = (np.concatenate(p) for p in zip(*parts, strict=True))
-        total = np.maximum(value + np.bincount(owner, fine, count), _NEGLIGIBLE)
+        total = np.maximum(value + np.bincount(owner, fine, count), negligible)
         share = np.sqrt(np.prod(high - low, axis=1) / 4)
         extent = np.linalg.norm((high - low) * light.size / 2, axis=1) / near[owner]
         holds_peak = np.all((low <= peak[owner]) & (peak[owner] <= high), axis=1)
