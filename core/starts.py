@@ -21,7 +21,7 @@ from .types import AreaLight, Array, Buffers, Camera, Light, PointLight, Samples
 from .visibility import visible_fraction
 
 _DISTANCES = (0.6, 1.0, 1.6, 2.5, 4.5, 10.0, 25.0)  # of the scene's extent
-_FIRST_SIDE = 0.15  # of the distance: sides grow to what a penumbra asks more surely than they shrink
+_SIDES, _SIDE_RAYS = (0.02, 0.05, 0.15), 16  # of the distance: they grow to what a penumbra asks more surely than shrink
 _APART = np.radians(15.0)  # grid nodes closer than this, at a similar distance, lead to the same place
 _APART_REFINED = np.radians(4.0)
 _FACTOR_APART = 1.8  # of distance
@@ -42,7 +42,7 @@ class Start:
 
 @dataclass(frozen=True, slots=True)
 class Judge:
-    """Scores small lights and suns by what they leave over of some samples, shadows by one ray each."""
+    """Scores lights by what they leave over of some samples."""
 
     samples: Samples
     brightness: Array  # (N,)
@@ -54,9 +54,10 @@ class Judge:
         """The same on the first samples alone."""
         return replace(self, samples=first(self.samples, count), brightness=self.brightness[:count])
 
-    def score(self, light: PointLight | SunLight, *, shadows: bool = True) -> float:
+    def score(self, light: Light, rays: int = 1) -> float:
         """Log of the mean absolute residual, each surface with its own strength and ambient, by weight.
 
+        rays : shadow rays a sample; 0: as if nothing threw a shadow
         Infinite for a light in the geometry, and for one that lights next to nothing.
         """
         samples, weight = self.samples, self.samples.weight
@@ -67,8 +68,8 @@ class Judge:
         lit = shading(light, samples.point, samples.normal)
         if weight[lit > 0].sum() < 0.05 * weight.sum():
             return np.inf
-        if shadows:
-            lit = lit * visible_fraction(light, samples, self.visible, 1, self.far)
+        if rays:
+            lit = lit * visible_fraction(light, samples, self.visible, rays, self.far)
         surface, count, y, openness = samples.surface, len(samples.names), self.brightness, samples.openness
         direct, ambient = _two_terms(lit, openness, y, weight, surface, count)
         off = np.abs(y - direct[surface] * lit - ambient[surface] * openness)
@@ -119,9 +120,9 @@ def _near_starts(
             refined.append((score, cue, there))
     starts = []
     for score, cue, centre in _distinct(refined, count, middle, _APART_REFINED):
-        light = PointLight(centre, np.ones(3))
-        side = _FIRST_SIDE * float(np.linalg.norm(centre - middle))
-        starts.append(Start(facing(centre, middle, side), _named(judge, light, cue, score), score))
+        sides = np.array(_SIDES) * float(np.linalg.norm(centre - middle))
+        light = min((facing(centre, middle, side) for side in sides), key=lambda area: judge.score(area, _SIDE_RAYS))
+        starts.append(Start(light, _named(judge, PointLight(centre, np.ones(3)), cue, score), score))
     return starts
 
 
@@ -142,7 +143,7 @@ def _named(judge: Judge, light: PointLight | SunLight, cue: str, score: float) -
     """The cue of a start: its shadows, where these explain much that shading alone does not."""
     if cue != GRID:
         return cue
-    return SHADOW if judge.score(light, shadows=False) - score > _BY_SHADOWS else GRID
+    return SHADOW if judge.score(light, rays=0) - score > _BY_SHADOWS else GRID
 
 
 def _refined(judge: Judge, hidden: Hidden, centre: Array, middle: Array) -> tuple[float, Array]:
