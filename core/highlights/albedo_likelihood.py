@@ -1,0 +1,93 @@
+"""How likely a picture of a surface's albedo is, when all that is known of its texture is that it is alike all over.
+
+A highlight is smooth and of known shape; a texture is anything, but it does not know where the light is. So of two
+albedos, one with a highlight left in it or carved out of it and one without, the first varies more: in its gradients
+at the highlight's scale, and in colour, where the texture's own colours keep to a line or a few.
+
+The albedo is split into bands of frequency, which are about independent for natural textures. In each, the three
+channels follow a multivariate t distribution of unknown covariance: its tails allow for the edges of prints and
+bricks. Per pixel,
+
+    cost = sum over bands of dof_b (1/2 log det C_b + (nu + 3)/2 mean log(1 + r' C_b^-1 r / nu))
+
+with C_b found by iterated reweighting and dof_b the share of a band's values that are independent.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import ndimage
+
+from ..types import Array, Mask
+
+SCALES = (1.0, 2.0, 4.0, 8.0, 16.0)  # pixels, between the bands
+NU = 1.0  # degrees of freedom of the t distribution: heavy tails
+FLOOR = 0.01  # of the mean albedo: geometry and light are not known better than that
+MOST = 4000  # pixels a band is looked at
+
+
+@dataclass(frozen=True, slots=True)
+class Bands:
+    """A picture (H, W, C) split into bands of frequency, at a choice of pixels."""
+
+    values: tuple[Array, ...]  # (N, C) each, finest first, the last what is coarser than all scales
+
+
+def choose(mask: Mask) -> Array:
+    """Up to `MOST` of the pixels of a mask (H, W), at random but always the same: positions among its pixels."""
+    count = int(np.count_nonzero(mask))
+    return np.sort(np.random.default_rng(0).permutation(count)[:MOST])
+
+
+def bands(picture: Array, mask: Mask, chosen: Array) -> Bands:
+    """Split a picture (H, W, C), known where `mask` (H, W), at the chosen of the mask's pixels."""
+    weight = mask.astype(np.float64)
+    known = np.where(mask[..., None], picture, 0.0)
+    before, out = known, []
+    for scale in SCALES[: _count(mask)]:
+        total = ndimage.gaussian_filter(weight, scale)[..., None] + 1e-9
+        smooth = ndimage.gaussian_filter(known, (scale, scale, 0)) / total
+        out.append((before - smooth)[mask][chosen])
+        before = smooth
+    rest = before[mask][chosen]
+    return Bands((*out, rest - rest.mean(axis=0)))
+
+
+def _count(mask: Mask) -> int:
+    """How many of the scales a surface is large enough for."""
+    return max(1, sum(scale <= 0.5 * np.sqrt(np.count_nonzero(mask)) for scale in SCALES))
+
+
+class Likelihood:
+    """The cost of an albedo less multiples of a highlight, each in bands; it remembers covariances to start from."""
+
+    def __init__(self, albedo: Bands, mean: float) -> None:
+        self._albedo = albedo
+        self.mean = mean
+        self._floor = (FLOOR * mean) ** 2 * np.eye(3)
+        self._covariance: list[Array | None] = [None] * len(albedo.values)
+        independent = [1.0, *(min(1 / (4 * np.pi * s * s), 1.0) for s in SCALES[: len(albedo.values) - 1])]
+        self._dof = [a - b for a, b in zip(independent, [*independent[1:], 0.0], strict=True)]
+
+    def cost(self, highlight: Bands) -> float:
+        """Cost a pixel of the albedo less a highlight that was divided by the same shading."""
+        total = 0.0
+        for b, (one, other) in enumerate(zip(self._albedo.values, highlight.values, strict=True)):
+            value, self._covariance[b] = _t_cost(one - other, self._covariance[b], self._floor)
+            total += self._dof[b] * value
+        return total
+
+
+def _t_cost(residual: Array, covariance: Array | None, floor: Array) -> tuple[float, Array]:
+    rounds = 2
+    if covariance is None:
+        rounds, covariance = 6, residual.T @ residual / len(residual) + floor
+    for _ in range(rounds):
+        weight = (NU + 3) / (NU + _distance(residual, covariance))
+        covariance = (residual * weight[:, None]).T @ residual / len(residual) + floor
+    spread = float(np.linalg.slogdet(covariance)[1])
+    return 0.5 * spread + (NU + 3) / 2 * float(np.log1p(_distance(residual, covariance) / NU).mean()), covariance
+
+
+def _distance(residual: Array, covariance: Array) -> Array:
+    return np.einsum("ij,ij->i", residual @ np.linalg.inv(covariance), residual)
