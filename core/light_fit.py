@@ -111,7 +111,7 @@ def _stepped(problem: Problem, state: State, matrix: Array, slope: Array, dampin
     log_c = state.log_c + np.clip(step[size:rest], -_LARGEST_LOG_STEP, _LARGEST_LOG_STEP)
     around = np.maximum(state.around + step[rest:], 0.0)
     probe = float(np.clip(np.abs(geometry).max() / _PROBE_UNIT, max(0.5 * state.probe, 1.0), WIDEST_PROBE))
-    return problem.state(light, log_c, around, probe)
+    return problem.state(light, log_c, around, probe, state.known)
 
 
 def result_of(problem: Problem, state: State, iterations: int, converged: bool) -> LightFit:

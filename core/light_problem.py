@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .lights import moved, reach_of, shading, shading_gradient
+from .lights import farthest_apart, moved, reach_of, shading, shading_gradient
 from .types import AreaLight, Array, Light, PointLight, Samples, SunLight, Visible
 from .visibility import settled, visible_fraction
 
@@ -20,9 +20,12 @@ from .visibility import settled, visible_fraction
 # Sides are probed towards smaller ones: a light too large blurs all edges, and larger ones would tell it nothing.
 _VISIBILITY_STEP = {
     AreaLight: np.array([0.02] * 3 + [0.03] * 3 + [-0.1] * 2),
-    PointLight: np.array([0.01] * 3),
+    PointLight: np.array([0.01] * 3 + [-0.3]),
     SunLight: np.array([0.01] * 2 + [-0.3]),
 }
+_PROBED = 0.024  # of the reach, for each smallest step that a probe is wide: how far it moves a light's edges
+_LEAST_MARGIN = 0.06  # of the reach: what is known near a light serves for a few steps
+_FEW_RAYS = 8  # a sample: fewer cost less than to find out which samples need none
 WIDEST_PROBE = 5.0  # times that: as far as a shadow is looked for from where it is
 _NO_STRENGTH = 1e-300  # of a surface that the light does not reach
 _SMALLEST_SPREAD = 1e-4  # of the median brightness
@@ -35,6 +38,15 @@ Hidden = Callable[[Light], bool]
 
 
 @dataclass(frozen=True, slots=True)
+class Known:
+    """Samples whose visible fraction is known while a light stays near a place."""
+
+    share: Array  # (N,) from `visibility.settled`, NaN where it is not known
+    light: Light
+    margin: float  # metres, or radians for a sun
+
+
+@dataclass(frozen=True, slots=True)
 class State:
     """One set of the unknowns, and what it makes each sample look like."""
 
@@ -43,7 +55,7 @@ class State:
     around: Array  # (K,) how much there is of each field, never negative
     shade: Array  # (N,) unoccluded shading of a unit light
     share: Array  # (N,) visible fraction
-    known: Array | None  # (N,) from `visibility.settled`
+    known: "Known | None"
     probe: float  # how far shadows are probed, in smallest steps
 
     def direct(self, samples: Samples) -> Array:
@@ -70,18 +82,25 @@ class Problem:
     hidden: Hidden
     around: Array  # (N, K) fields of the light around, K may be 0
 
-    def settled(self, light: Light, probe: float) -> Array | None:
-        """Samples whose visible fraction is known wherever a probe may move `light` to; None without shadows."""
-        if self.visible is None:
-            return None
-        margin = max(0.06, 1.2 * 0.02 * probe) * reach_of(light, self.middle)
-        return settled(light, self.samples, self.visible, self.far, margin)
+    def known(self, light: Light, probe: float, before: Known | None) -> Known | None:
+        """Samples whose visible fraction is known wherever a probe may move `light` to.
 
-    def share(self, light: Light, known: Array | None) -> Array:
-        """Visible fraction (N,); `known` from `settled`."""
+        before : is kept while it still says enough. None where asking would cost more than it saves.
+        """
+        if self.visible is None or self.rays < _FEW_RAYS:
+            return None
+        reach = reach_of(light, self.middle)
+        needed = _PROBED * probe * reach
+        if before is not None and farthest_apart(before.light, light) + needed <= before.margin:
+            return before
+        margin = max(_LEAST_MARGIN * reach, needed)
+        return Known(settled(light, self.samples, self.visible, self.far, margin), light, margin)
+
+    def share(self, light: Light, known: Known | None) -> Array:
+        """Visible fraction (N,)."""
         if self.visible is None:
             return np.ones(len(self.samples))
-        return visible_fraction(light, self.samples, self.visible, self.rays, self.far, known)
+        return visible_fraction(light, self.samples, self.visible, self.rays, self.far, known.share if known else None)
 
     def start(self, light: Light) -> State:
         """The state of a light whose strengths and ambient are not known yet: their linear solution."""
@@ -89,10 +108,10 @@ class Problem:
         strength, around = linear_start(self, state.shade * state.share)
         return replace(state, log_c=np.log(np.maximum(strength, _NO_STRENGTH)), around=around)
 
-    def state(self, light: Light, log_c: Array, around: Array, probe: float) -> State:
-        """The state of a light with given strengths and light around; `probe` as in `State`."""
+    def state(self, light: Light, log_c: Array, around: Array, probe: float, before: Known | None = None) -> State:
+        """The state of a light with given strengths and light around; `probe` as in `State`, `before` as in `known`."""
         shade = shading(light, self.samples.point, self.samples.normal)
-        known = self.settled(light, probe)
+        known = self.known(light, probe, before)
         return State(light, log_c, around, shade, self.share(light, known), known, probe)
 
 

@@ -5,7 +5,7 @@ radiance 1, cos / (pi r^2) for a point of intensity 1, cos / pi for a sun of irr
 
 A step moves a light in coordinates of about equal effect, whatever the unit of length:
     AREA   8: centre / reach along u, v, u x v; rotation about u, v, u x v (radians); logarithms of the sides
-    POINT  3: centre / reach along x, y, z
+    POINT  4: centre / reach along x, y, z; logarithm of the radius
     SUN    3: rotation of its direction about two axes across it (radians); logarithm of its angle
 `reach` is the distance from the light to the middle of the scene.
 """
@@ -19,6 +19,7 @@ from .types import AreaLight, Array, Light, PointLight, SunLight
 
 SMALLEST_SIDE, LARGEST_SIDE = 0.01, 4.0  # of the reach: a collapsed side gives no gradient to grow again
 SMALLEST_ANGLE, LARGEST_ANGLE = 0.002, 1.0  # of a sun, radians, for the same reason
+SMALLEST_RADIUS, LARGEST_RADIUS = 0.001, 0.5  # of the reach
 
 
 def shading(light: Light, points: Array, normals: Array) -> Array:
@@ -45,7 +46,8 @@ def shading_gradient(light: Light, points: Array, normals: Array, reach: float) 
             away = light.centre - points
             square = np.einsum("ij,ij->i", away, away)[:, None]
             slope = normals / (np.pi * square**1.5) - 3 * value[:, None] * away / square
-            return value, np.where(value[:, None] > 0, slope * reach, 0.0)
+            slope = np.concatenate([slope * reach, np.zeros((len(slope), 1))], axis=1)  # as the sun's angle
+            return value, np.where(value[:, None] > 0, slope, 0.0)
         case SunLight():
             value = shading(light, points, normals)
             axes = np.stack(across(light.normal))
@@ -66,7 +68,8 @@ def moved(light: Light, step: Array, reach: float) -> Light:
             size = np.clip(light.size * np.exp(step[6:8]), SMALLEST_SIDE * reach, LARGEST_SIDE * reach)
             return replace(light, centre=light.centre + reach * (frame.T @ step[:3]), u=u, v=v, size=size)
         case PointLight():
-            return replace(light, centre=light.centre + reach * step)
+            radius = float(np.clip(light.radius * np.exp(step[3]), SMALLEST_RADIUS * reach, LARGEST_RADIUS * reach))
+            return replace(light, centre=light.centre + reach * step[:3], radius=radius)
         case SunLight():
             axes = np.stack(across(light.normal))
             angle = float(np.clip(light.angle * np.exp(step[2]), SMALLEST_ANGLE, LARGEST_ANGLE))
@@ -75,12 +78,26 @@ def moved(light: Light, step: Array, reach: float) -> Light:
 
 def coordinates(light: Light) -> int:
     """Return how many numbers a step of this light has."""
-    return {AreaLight: 8, PointLight: 3, SunLight: 3}[type(light)]
+    return {AreaLight: 8, PointLight: 4, SunLight: 3}[type(light)]
 
 
 def reach_of(light: Light, middle: Array) -> float:
     """Compute the distance in metres from a light to the middle of the scene; 1 for a sun, which has none."""
     return 1.0 if isinstance(light, SunLight) else float(np.linalg.norm(light.centre - middle))
+
+
+def farthest_apart(a: Light, b: Light) -> float:
+    """Compute how far the edge of one light is from the same part of the other, metres; radians for two suns."""
+    match a, b:
+        case AreaLight(), AreaLight():
+            at = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) / 2
+            one, other = (x.centre + at @ np.stack([x.size[0] * x.u, x.size[1] * x.v]) for x in (a, b))
+            return float(np.linalg.norm(one - other, axis=1).max())
+        case PointLight(), PointLight():
+            return float(np.linalg.norm(a.centre - b.centre))
+        case SunLight(), SunLight():
+            return float(np.linalg.norm(a.normal - b.normal)) + abs(a.angle - b.angle) / 2
+    return np.inf
 
 
 def facing(centre: Array, target: Array, side: float) -> AreaLight:

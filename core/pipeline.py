@@ -13,10 +13,11 @@ import numpy as np
 
 from .color import linear_to_srgb
 from .cues import diffuse_maxima, grid, highlights, terminators
-from .interreflection import Gathered, gather, unseen_radiance, usual_radiance
+from .interreflection import gather, patch_radiance, usual_radiance
 from .light_fit import LightFit, fit_light, search_light
 from .light_problem import Problem, brightness, score
 from .lights import reach_of, shading, with_strength
+from .materials import Bounces, Materials, card_factor, solve_materials, unseen_light
 from .noise import noise_of
 from .radiometric import SCALE, Radiometry, solve_radiometry
 from .samples import choose_samples, extent_of, first
@@ -57,6 +58,7 @@ class _Effort:
     samples: int  # for the radiometric solve
     fit_samples: int
     fit_rays: int
+    polish_rays: int  # for the last fit, to all samples
     search_samples: int  # to rank points and suns by; `refine_samples` to refine the best
     refine_samples: int
     directions: int  # tried for a near light; four times as many for a sun
@@ -67,9 +69,21 @@ class _Effort:
 
 
 _EFFORTS = {
-    "draft": _Effort(1500, 400, 24, 150, 300, 100, 3, 2, 1, 1e-3),
-    "standard": _Effort(4000, 800, 64, 250, 600, 240, 6, 3, 2, 3e-4),
-    "accurate": _Effort(10000, 2500, 144, 400, 1200, 400, 8, 4, 3, 1e-4),
+    "draft": _Effort(1500, 400, 24, 16, 150, 300, 100, 3, 2, 1, 1e-3),
+    "standard": _Effort(
+        int(__import__("os").environ.get("NS", "4000")),
+        800,
+        64,
+        int(__import__("os").environ.get("NR", "32")),
+        250,
+        600,
+        240,
+        6,
+        3,
+        2,
+        3e-4,
+    ),
+    "accurate": _Effort(10000, 2500, 144, 64, 400, 1200, 400, 8, 4, 3, 1e-4),
 }
 Found = TypeVar("Found")
 QUALITIES = tuple(_EFFORTS)
@@ -105,10 +119,8 @@ def estimate(
     if meets is not None:
         gathering = gather(samples, photo, camera, buffers, meets)
         gathered = yield from _watched(gathering, 0.02, 0.03, "Gathering the light that surfaces send one another")
-        samples = replace(samples, openness=gathered.openness)
-        fields = np.column_stack(
-            [gathered.openness, _along(samples, gathered.field(usual_radiance(gathered, samples)))]
-        )
+        samples = replace(samples, openness=gathered.samples.openness)
+        fields = _fields(samples, gathered.fields(usual_radiance(gathered, samples)))
     clock.mark("samples")
 
     def hidden(light: Light) -> bool:
@@ -172,15 +184,19 @@ def estimate(
         fit = yield from _watched(steps, begin + 0.5 * share, 0.5 * share, message)
         fits.append((name, fit, Candidate(name, _criterion(fit, fine), time.perf_counter() - since)))
     name, fit, _ = min(fits, key=lambda entry: entry[2].score)
+    polishing = problem(len(samples), effort.polish_rays)
+    steps = SOLVERS[solver](polishing, fit.light, iterations=12, tolerance=effort.tolerance)
+    fit = yield from _watched(steps, 0.85, 0.03, "Fitting to more of the photo")
     bounced = np.zeros((len(samples), 3))
-    if gathered is not None and fit.around[1] > 0:
+    if gathered is not None and fit.around[1:].any():
         for _ in range(_BOUNCE_ROUNDS):
-            bounced = gathered.field(_unseen(gathered, samples, fit, bounced, visible, far))
-            fields = np.column_stack([samples.openness, _along(samples, bounced)])
-            settling = problem(effort.fit_samples, effort.fit_rays)
-            steps = SOLVERS[solver](settling, fit.light, iterations=40, tolerance=effort.tolerance)
+            product = fit.strength[:, None] * _hues(samples)
+            radiance = patch_radiance(gathered, fit.light, product, fit.around[0], fit.around[1], visible, far)
+            fields = _fields(samples, gathered.fields(radiance))
+            settling = problem(len(samples), effort.polish_rays)
+            steps = SOLVERS[solver](settling, fit.light, iterations=12, tolerance=effort.tolerance)
             fit = yield from _watched(steps, 0.85, 0.05, "Settling what surfaces send one another")
-        bounced = fit.around[1] * bounced
+        bounced = sum(q * field for q, field in zip(fit.around[1:], gathered.fields(radiance), strict=True))
     candidates = [entry[2] for entry in fits]
     clock.mark("fit")
 
@@ -216,23 +232,86 @@ def solve(
     visible: Visible,
     lights: Sequence[Light],
     *,
+    meets: Meets | None = None,
     quality: str = "standard",
+    card: tuple[str, float] | None = None,
 ) -> Generator[Progress, None, Estimate]:
-    """Solve for strengths, albedos and ambient under lights that stay where they are."""
+    """Solve for strengths, albedos, gloss and ambient under lights that stay where they are.
+
+    meets : rays to the geometry; without them there is no interreflection in the model
+    card : name and reflectance of a surface whose albedo is known, which gives strengths and albedos their scale
+    Raises ReshadeError where the photo does not show the card.
+    """
     clock, effort = _Clock(), _EFFORTS[quality]
     yield Progress(0.0, "Choosing samples")
     samples, _, extent = _prepared(photo, camera, buffers, visible, effort)
+    far = _FAR * extent
+    gathered = None
+    if meets is not None:
+        gathering = gather(samples, photo, camera, buffers, meets)
+        gathered = yield from _watched(gathering, 0.05, 0.1, "Gathering the light that surfaces send one another")
+        samples = replace(samples, openness=gathered.samples.openness)
     clock.mark("samples")
-    columns = []
+    shares, columns = [], []
     for i, light in enumerate(lights):
-        yield Progress(0.2 + 0.6 * i / len(lights), f"Casting shadows of light {i + 1} of {len(lights)}")
-        share = visible_fraction(light, samples, visible, effort.fit_rays, _FAR * extent)
-        columns.append(shading(light, samples.point, samples.normal) * share)
+        yield Progress(0.15 + 0.25 * i / len(lights), f"Casting shadows of light {i + 1} of {len(lights)}")
+        shares.append(visible_fraction(light, samples, visible, effort.fit_rays, far))
+        columns.append(shading(light, samples.point, samples.normal) * shares[-1])
+    lit, seen = np.stack(columns, axis=1), np.stack(shares, axis=1)
     clock.mark("fit")
-    yield Progress(0.8, "Solving materials")
-    radiometry = solve_radiometry(samples, np.stack(columns, axis=1))
+    yield Progress(0.4, "Solving materials")
+    bounces = None
+    if gathered is not None:
+        relative, around = np.ones(len(lights)), 0.0
+        for _ in range(_BOUNCE_ROUNDS):
+            unseen = unseen_light(gathered, lights, relative, around, visible, far)
+            bounces = Bounces(gathered.samples.seen, unseen)
+            matt = yield from solve_materials(samples, lights, lit, seen, bounces=bounces, rounds=0)
+            bounces = replace(bounces, factor=matt.factor)
+            power = matt.radiometry.strengths.mean(axis=1)
+            relative = power / max(power[0], 1e-300)
+            around = 0.0 if matt.bounced is None else float(matt.bounced.mean())
+    steps = solve_materials(samples, lights, lit, seen, bounces=bounces, rounds=1 if quality == "draft" else 2)
+    materials = yield from _shifted(steps, 0.5, 1.0)
     clock.mark("solve")
-    return _assembled(photo, samples, tuple(lights), radiometry, (None,) * len(lights), "given lights", (), clock)
+    factor, scale = 1.0, SCALE
+    if card is not None:
+        factor, scale = card_factor(materials.radiometry, samples, card), f"the albedo of {card[0]} is {card[1]:g}"
+    found = materials.radiometry
+    found = replace(
+        found, strengths=found.strengths / factor, ambient=found.ambient / factor, albedo=found.albedo * factor
+    )
+    chosen, considered = _named(materials, samples), _considered(materials, samples)
+    result = _assembled(photo, samples, tuple(lights), found, (None,) * len(lights), chosen, considered, clock)
+    gloss = dict(zip(samples.names, materials.gloss, strict=True))
+    surfaces = tuple(
+        replace(s, specular=factor * gloss[s.name].strength, roughness=gloss[s.name].width) for s in result.surfaces
+    )
+    return replace(result, surfaces=surfaces, scale=scale)
+
+
+def _named(materials: Materials, samples: Samples) -> str:
+    """What the solve took into account, in words."""
+    glossy = [name for name, one in zip(samples.names, materials.gloss, strict=True) if one]
+    return "given lights, constant ambient" + (f", gloss of {', '.join(glossy)}" if glossy else ", no gloss")
+
+
+def _considered(materials: Materials, samples: Samples) -> tuple[Candidate, ...]:
+    """A glossy coat for each surface: its gain in the Bayesian criterion, negative as lower is better."""
+    return tuple(
+        Candidate(f"gloss of {name}", -one.evidence, 0.0)
+        for name, one in zip(samples.names, materials.considered, strict=True)
+    )
+
+
+def _shifted(steps: Generator[Progress, None, Found], begin: float, end: float) -> Generator[Progress, None, Found]:
+    """Tell a part's progress as that of the whole."""
+    while True:
+        try:
+            step = next(steps)
+        except StopIteration as done:
+            return done.value
+        yield Progress(begin + (end - begin) * step.fraction, step.message)
 
 
 class _Clock:
@@ -258,25 +337,19 @@ def _prepared(
     return replace(samples, openness=openness(samples, visible, 32, _FAR * extent)), middle, extent
 
 
-def _along(samples: Samples, field: Array) -> Array:
-    """A field (N, 3) of coloured light as brightness along each sample's surface's colour (N,), for an albedo of 1."""
-    out = np.empty(len(samples))
-    for s in np.unique(samples.surface):
-        of = samples.surface == s
-        colour = np.average(samples.colour[of], axis=0, weights=samples.weight[of]) ** 2
-        out[of] = field[of] @ (colour / max(colour.sum(), 1e-300))
-    return out
+def _fields(samples: Samples, sent: Sequence[Array]) -> Array:
+    """Openness and each field (N, 3) that surfaces send as brightness along a sample's surface's hue: (N, K)."""
+    along = _hues(samples)[samples.surface] ** 2
+    return np.column_stack([samples.openness, *(np.einsum("ij,ij->i", field, along) for field in sent)])
 
 
-def _unseen(gathered: Gathered, samples: Samples, fit: LightFit, bounced: Array, visible: Visible, far: float) -> Array:
-    """Radiance (M, 3) that the light found gives to what the photo does not show."""
-    colour = np.zeros((len(samples.names), 3))
+def _hues(samples: Samples) -> Array:
+    """Unit vector along each surface's mean colour, (S, 3)."""
+    out = np.zeros((len(samples.names), 3))
     for s in np.unique(samples.surface):
         of = samples.surface == s
-        colour[s] = np.average(samples.colour[of], axis=0, weights=samples.weight[of])
-    colour /= np.maximum(np.linalg.norm(colour, axis=1, keepdims=True), 1e-300)
-    around = fit.around[0] * gathered.openness.mean() + fit.around[1] * bounced.mean(axis=0)
-    return unseen_radiance(gathered, fit.light, fit.strength[:, None] * colour, around, visible, samples.lift, far)
+        out[s] = np.average(samples.colour[of], axis=0, weights=samples.weight[of])
+    return out / np.maximum(np.linalg.norm(out, axis=1, keepdims=True), 1e-300)
 
 
 def _watched(
