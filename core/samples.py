@@ -1,8 +1,10 @@
 """From photo and buffers to samples: pixels that show one surface, unclipped, spread evenly over the photo."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .errors import NothingToLearn
 from .types import Array, Buffers, Camera, Mask, Photo, Samples
@@ -61,29 +63,37 @@ def choose_samples(photo: Photo, camera: Camera, buffers: Buffers, count: int) -
         openness=np.ones(len(y)),
         names=buffers.names,
         lift=1e-3 * extent,
+        footprint=_footprint(camera, point, buffers.normal[y, x]),
     )
 
 
 def first(samples: Samples, count: int) -> Samples:
     """Return the first `count` samples, which are spread as evenly as all are."""
-    count = min(count, len(samples))
-    return replace(
-        samples,
-        point=samples.point[:count],
-        normal=samples.normal[:count],
-        view=samples.view[:count],
-        colour=samples.colour[:count],
-        surface=samples.surface[:count],
-        weight=samples.weight[:count],
-        pixel=samples.pixel[:count],
-        openness=samples.openness[:count],
-    )
+    return subset(samples, slice(count))
+
+
+def subset(samples: Samples, chosen: NDArray[Any] | slice) -> Samples:
+    """Some of the samples: a mask (N,), indices or a slice."""
+    fields = ("point", "normal", "view", "colour", "surface", "weight", "pixel", "openness")
+    footprint = None if samples.footprint is None else samples.footprint[chosen]
+    return replace(samples, footprint=footprint, **{name: getattr(samples, name)[chosen] for name in fields})
 
 
 def extent_of(samples: Samples) -> tuple[Array, float]:
     """Compute the middle (3,) of what the samples cover and the distance from it that nine in ten are within."""
     middle = np.median(samples.point, axis=0)
     return middle, float(np.percentile(np.linalg.norm(samples.point - middle, axis=1), 90))
+
+
+def _footprint(camera: Camera, point: Array, normal: Array) -> Array:
+    """What moves a ray through a pixel's centre by a pixel along its surface's tangent plane, (N, 2, 3) metres."""
+    away = point - camera.to_world[:3, 3]
+    depth = -(away @ camera.to_world[:3, 2])
+    # A pixel to the right or down moves the ray's end by this much across the view, and then on along the ray.
+    steps = np.stack([camera.to_world[:3, 0] / camera.focal[0], -camera.to_world[:3, 1] / camera.focal[1]])
+    across = depth[:, None, None] * steps
+    along = np.einsum("ikj,ij->ik", across, normal) / np.einsum("ij,ij->i", away, normal)[:, None]
+    return across - along[..., None] * away[:, None]
 
 
 def _grown(mask: Mask) -> Mask:

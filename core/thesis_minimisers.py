@@ -101,7 +101,7 @@ class Chart:
                 centre = scale * (here @ there.T @ slope[:3])
                 return np.concatenate([centre, here @ turn.T @ there.T @ slope[3:6], slope[6:8]])
             case PointLight(), PointLight():
-                return scale * slope
+                return np.concatenate([scale * slope[:3], slope[3:]])
             case SunLight(), SunLight():
                 here, there = np.stack(across(first.normal)), np.stack(across(light.normal))
                 return np.concatenate([here @ _left_jacobian(here.T @ x[:2]).T @ there.T @ slope[:2], slope[2:]])

@@ -83,6 +83,7 @@ class Samples:
     openness: Array  # (N,) share of the cosine-weighted hemisphere that sees the world, 0..1
     names: tuple[str, ...]
     lift: float  # how far a shadow ray starts off its surface, metres
+    footprint: Array | None = None  # (N, 2, 3) metres on the surface a pixel to the right and one down; None: points
 
     def __len__(self) -> int:
         return len(self.point)
@@ -109,10 +110,11 @@ class AreaLight:
 
 @dataclass(frozen=True, slots=True)
 class PointLight:
-    """A point that emits the same radiant intensity in every direction."""
+    """A point or a sphere that emits the same radiant intensity in every direction."""
 
     centre: Array  # (3,)
     intensity: Array  # (3,) W / sr
+    radius: float = 0.0  # metres; shows in penumbrae alone
 
 
 @dataclass(frozen=True, slots=True)

@@ -32,8 +32,8 @@ def uncertainty_of(fit: LightFit, reach: float) -> Uncertainty:
                 centre=reach * float(np.linalg.norm(deviation[:3])),
                 normal=0.0,
                 log_size=np.zeros(2),
-                log_energy=float(deviation[3]),
-                weakest="its distance" if deviation[:3].max() > deviation[3] else "its strength",
+                log_energy=float(deviation[-1]),
+                weakest="its distance" if deviation[:3].max() > deviation[-1] else "its strength",
             )
         case SunLight():
             angle = float(np.hypot(deviation[0], deviation[1]))
