@@ -22,11 +22,14 @@ no mere sliver of what the surface shows, and widths far from the best one fit c
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .fresnel import dielectric
 from .reflectance import beckmann, coat, coat_index, directional_albedo, phong, torrance_sparrow
+from .samples import subset
 from .specular_area import reflected
 from .types import AreaLight, Array, Light, PointLight, Samples, SunLight
 
@@ -80,16 +83,10 @@ class Lit:
     ambient: Array  # (3,) radiance
     bounced: Array | None = None  # (N, 3) what other surfaces send, over the first light's strength
 
-    def of(self, chosen: Array) -> "Lit":
+    def of(self, chosen: NDArray[Any]) -> "Lit":
         """The light on some of the samples."""
         bounced = None if self.bounced is None else self.bounced[chosen]
         return replace(self, shading=self.shading[chosen], visible=self.visible[chosen], bounced=bounced)
-
-
-def subset(samples: Samples, chosen: Array) -> Samples:
-    """Some of the samples: a mask (N,) or indices."""
-    fields = ("point", "normal", "view", "colour", "surface", "weight", "pixel", "openness")
-    return replace(samples, **{name: getattr(samples, name)[chosen] for name in fields})
 
 
 def specular_term(samples: Samples, lit: Lit, gloss: Gloss) -> Array:

@@ -3,8 +3,12 @@
 The radiometric solve and the fit of each surface's gloss are taken in turn: the first on the photo less its highlights,
 with what the coats leave to the diffuse bases; the second under the strengths the first has found.
 
-A coat also darkens its base, by about 5 %, where no highlight shows. Where that is seen, and other surfaces of the photo
-have evident highlights, those say how strong this one's is: as their median.
+A coat also darkens its base, by about 5 %, where no highlight shows. Where that is seen, and other surfaces of the
+photo have evident highlights, those say how strong this one's is: as their median.
+
+Light from other surfaces (`interreflection`) comes in two parts. What the photo shows is known, but for one factor: by
+how much it counts depends on how bright albedos really are, which by convention is open. What it does not show (the
+wall behind the camera) has no known colour: each such surface is a further light, whose colour is solved for.
 """
 
 from collections.abc import Generator, Sequence
@@ -12,12 +16,38 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .gloss import MATT, STRONGEST, Gloss, GlossFit, Lit, base_share, specular_term, subset
-from .radiometric import Radiometry, solve_radiometry
-from .types import Array, Light, Progress, Samples
+from .errors import ReshadeError
+from .gloss import MATT, STRONGEST, Gloss, GlossFit, Lit, base_share, specular_term
+from .interreflection import Surroundings
+from .lights import shading as shading_of
+from .radiometric import Radiometry, left_over, solve_radiometry
+from .samples import first, subset
+from .types import Array, Light, Progress, Samples, Visible
+from .visibility import visible_fraction
 
 _ROUNDS = 2
 _EVIDENT = 10.0  # gain of the Bayesian criterion, as for a highlight
+_UNSEEN_RAYS = 16  # to a light from each patch the photo does not show
+_HEARD = 2e-3  # of what falls on such places: surfaces that send less to the samples are left out
+_SEARCHED = 800  # samples that tell how much light comes from other surfaces
+_STEP = 1.62  # between factors tried
+
+
+@dataclass(frozen=True, slots=True)
+class Card:
+    """A surface of known albedo, such as a grey card: it gives strengths, albedos and lights' colours their scale."""
+
+    name: str
+    albedo: Array  # (3,)
+
+
+@dataclass(frozen=True, slots=True)
+class Bounces:
+    """Light from other surfaces on N samples."""
+
+    seen: Array  # (N, 3) from what the photo shows, radiance
+    unseen: Array  # (N, U) from each surface it does not show, of albedo 1, the first light of strength 1
+    factor: float | None = None  # by which `seen` counts, over the first light's strength; None: to be found
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,6 +55,8 @@ class Materials:
     """What the solve found."""
 
     radiometry: Radiometry
+    bounced: Array | None  # (N, 3) light from other surfaces, over the first light's strength
+    factor: float  # of `Bounces`
     gloss: tuple[Gloss, ...]  # one a surface
     considered: tuple[Gloss, ...]  # the best gloss of each surface, whether taken or not
 
@@ -36,16 +68,25 @@ def solve_materials(
     visible: Array,
     *,
     with_ambient: bool = True,
-    bounced: Array | None = None,
+    bounces: Bounces | None = None,
+    card: Card | None = None,
     rounds: int = _ROUNDS,
 ) -> Generator[Progress, None, Materials]:
     """Solve for strengths, albedos, ambient and gloss.
 
     shading : (N, L) of each light at unit strength, shadows included; visible : (N, L) the share of it that is seen
-    with_ambient, bounced : as `solve_radiometry` has them
     rounds : how often the gloss is fitted; 0: every surface is matt
+    Raises ReshadeError where the samples do not show the card, or no light falls on it.
     """
-    found = solve_radiometry(samples, shading, with_ambient=with_ambient, bounced=bounced)
+    if card is not None and card.name not in samples.names:
+        raise ReshadeError(
+            f"The photo does not show the surface '{card.name}' that was named as card",
+            f"Name one of {', '.join(samples.names)}",
+        )
+    if bounces is not None and bounces.factor is None:
+        bounces = replace(bounces, factor=_factor(samples, shading, bounces, with_ambient))
+    found, bounced = _solved(samples, shading, bounces, with_ambient)
+    found = _to_card(found, samples.names, card) if card else found
     names = samples.names
     gloss, considered = [MATT] * len(names), [MATT] * len(names)
     fits: dict[int, GlossFit] = {}
@@ -72,15 +113,91 @@ def solve_materials(
                 if as_others.evidence > _EVIDENT:
                     gloss[i] = replace(as_others, width=as_others.width if as_others.evident else width, evident=False)
         before = found
-        found = _without_gloss(samples, lit, gloss, with_ambient)
+        found, bounced = _without_gloss(samples, lit, gloss, bounces, with_ambient)
+        found = _to_card(found, names, card) if card else found
         # The convention of scale moves with the albedos; the highlights themselves stay as bright.
         factor = float(before.strengths.sum() / max(found.strengths.sum(), 1e-300))
         gloss = [replace(one, strength=min(one.strength * factor, STRONGEST)) for one in gloss]
-    return Materials(found, tuple(gloss), tuple(considered))
+    factor = 0.0 if bounces is None or bounces.factor is None else bounces.factor
+    return Materials(found, bounced, factor, tuple(gloss), tuple(considered))
 
 
-def _without_gloss(samples: Samples, lit: Lit, gloss: Sequence[Gloss], with_ambient: bool) -> Radiometry:
-    """The radiometric solve on the samples less their highlights, under what the coats leave."""
+def _to_card(found: Radiometry, names: Sequence[str], card: Card) -> Radiometry:
+    """The solve with albedos and strengths such that the card has its reflectance: in each channel, if it is grey."""
+    albedo = found.albedo[names.index(card.name)]
+    if not albedo.all():
+        raise ReshadeError(f"No light falls on the card '{card.name}'", "Name a surface that is lit")
+    factor = card.albedo / albedo
+    return replace(
+        found, strengths=found.strengths / factor, ambient=found.ambient / factor, albedo=found.albedo * factor
+    )
+
+
+def unseen_light(
+    around: Surroundings, lights: Sequence[Light], relative: Array, besides: float, visible: Visible, far: float
+) -> Array:
+    """Compute what each surface that the photo does not show sends to the samples, (N, U): see `Bounces`.
+
+    relative : (L,) strengths of the lights over the first one's
+    besides : light that falls on those surfaces besides that of the lights, over the first light's strength
+
+    Patches are grouped by surface, and those of surfaces no sample shows by the axis their normal is closest to: in a
+    room, by wall. Groups that bring next to nothing are left out.
+    """
+    patch, shares = around.patch, around.samples.patches
+    if not len(patch):
+        return np.zeros((shares.shape[0], 0))
+    shade = np.full(len(patch), besides)
+    for light, share in zip(lights, relative, strict=True):
+        seen = visible_fraction(light, patch, visible, _UNSEEN_RAYS, far)
+        shade += share * seen * shading_of(light, patch.point, patch.normal)
+    axis = np.argmax(np.abs(patch.normal), axis=1)
+    side = 2 * axis + (np.take_along_axis(patch.normal, axis[:, None], axis=1)[:, 0] > 0)
+    group = np.where(patch.surface >= 0, patch.surface, int(patch.surface.max(initial=0)) + 1 + side)
+    columns = [shares @ np.where(group == g, shade, 0.0) for g in np.unique(group)]
+    heard = [column for column in columns if column.mean() > _HEARD * shade.mean()]
+    return np.stack(heard, axis=1) if heard else np.zeros((shares.shape[0], 0))
+
+
+def _solved(
+    samples: Samples, shading: Array, bounces: Bounces | None, with_ambient: bool
+) -> tuple[Radiometry, Array | None]:
+    """The radiometric solve, and the light from other surfaces (N, 3) over the first light's strength."""
+    if bounces is None:
+        return solve_radiometry(samples, shading, with_ambient=with_ambient), None
+    direct = (bounces.factor or 0.0) * bounces.seen
+    terms = np.concatenate([shading, bounces.unseen], axis=1)
+    found = solve_radiometry(samples, terms, with_ambient=with_ambient, bounced=direct)
+    own, others = np.split(found.strengths, [shading.shape[1]])
+    return replace(found, strengths=own), direct + bounces.unseen @ (others / np.maximum(own[0], 1e-300))
+
+
+def _factor(samples: Samples, shading: Array, bounces: Bounces, with_ambient: bool) -> float:
+    """By how much the light from surfaces that the photo shows counts: what leaves least of the photo."""
+    some, lit = first(samples, _SEARCHED), shading[:_SEARCHED]
+    seen, unseen = bounces.seen[:_SEARCHED], bounces.unseen[:_SEARCHED]
+
+    def left(factor: float) -> float:
+        return left_over(some, _solved(some, lit, Bounces(seen, unseen, factor), with_ambient)[0])
+
+    level, usual = float(seen.mean()), float(lit.sum(axis=1).mean())
+    if level <= 0 or usual <= 0:
+        return 0.0
+    tried = {factor: left(factor) for factor in [0.0, *(usual / level * np.geomspace(0.02, 4.0, 12)).tolist()]}
+    best = min(tried, key=tried.__getitem__)
+    if best == 0:
+        return 0.0
+    low, high = best / _STEP, best * _STEP
+    for _ in range(6):
+        a, b = low + 0.382 * (high - low), low + 0.618 * (high - low)
+        low, high = (low, b) if left(a) < left(b) else (a, high)
+    return (low + high) / 2
+
+
+def _without_gloss(
+    samples: Samples, lit: Lit, gloss: Sequence[Gloss], bounces: Bounces | None, with_ambient: bool
+) -> tuple[Radiometry, Array | None]:
+    """As `_solved`, on the samples less their highlights, under what the coats leave."""
     specular, left = np.zeros((len(samples), 3)), np.ones(len(samples))
     for i, one in enumerate(gloss):
         if one:
@@ -88,5 +205,7 @@ def _without_gloss(samples: Samples, lit: Lit, gloss: Sequence[Gloss], with_ambi
             some = subset(samples, of)
             specular[of], left[of] = specular_term(some, lit.of(of), one), base_share(some, one)
     matt = replace(samples, colour=samples.colour - specular, openness=samples.openness * left)
-    bounced = None if lit.bounced is None else lit.bounced * left[:, None]
-    return solve_radiometry(matt, lit.shading * left[:, None], with_ambient=with_ambient, bounced=bounced)
+    if bounces is not None:
+        bounces = replace(bounces, seen=bounces.seen * left[:, None], unseen=bounces.unseen * left[:, None])
+    found, bounced = _solved(matt, lit.shading * left[:, None], bounces, with_ambient)
+    return found, None if bounced is None else bounced / np.maximum(left, 1e-6)[:, None]

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from .light_problem import weighted_quantile
 from .types import Array, Samples
 
 LARGEST_ALBEDO = 0.8
@@ -51,7 +52,7 @@ def solve_radiometry(
     if not np.any(coloured.ambient > 0):
         return coloured
     plain = _with_plain_ambient(samples, lit, coloured)
-    return coloured if _left_over(samples, coloured) < _left_over(samples, plain) - _COLOUR_GAIN else plain
+    return coloured if left_over(samples, coloured) < left_over(samples, plain) - _COLOUR_GAIN else plain
 
 
 def _solve(samples: Samples, shading: Array, ambient: Array) -> Radiometry:
@@ -86,10 +87,10 @@ def _with_plain_ambient(samples: Samples, shading: Array, coloured: Radiometry) 
 
     lit = coloured.strengths[0] > 0
     ratios = [0.0, *(coloured.ambient[lit] / coloured.strengths[0][lit]).tolist()]
-    return min(map(with_share, ratios), key=lambda found: _left_over(samples, found))
+    return min(map(with_share, ratios), key=lambda found: left_over(samples, found))
 
 
-def _left_over(samples: Samples, found: Radiometry) -> float:
+def left_over(samples: Samples, found: Radiometry) -> float:
     """Mean over samples and channels of the logarithm of their surface's mean absolute residual."""
     total, floor = 0.0, 1e-5 * max(float(np.mean(samples.colour)), 1e-300)
     for s in np.unique(samples.surface):
@@ -138,6 +139,6 @@ def _soft(samples: Samples, residual: Array) -> Array:
     floor = 1e-4 * max(float(np.mean(samples.colour)), 1e-300)
     for s in np.unique(samples.surface):
         of = samples.surface == s
-        spread = max(float(np.quantile(np.abs(residual[of]), 0.9)) / 1.6449, floor)
+        spread = max(weighted_quantile(np.abs(residual[of]), samples.weight[of], 0.9) / 1.6449, floor)
         out[of] = (floor / spread) ** 2 / np.sqrt(1 + (residual[of] / (1.5 * spread)) ** 2)
     return out

@@ -37,6 +37,14 @@ class SceneReshade(bpy.types.PropertyGroup):
         ],
         default="auto",
     )
+    card: PointerProperty(
+        name="White Card",
+        description="A material whose reflectance you know: it gives strengths and albedos their true scale",
+        type=bpy.types.Material,
+    )
+    card_albedo: FloatProperty(
+        name="Reflectance", description="Of the white card", default=0.9, min=0.01, max=1.0, subtype="FACTOR"
+    )
     samples: IntProperty(
         name="Samples",
         description="Samples a pixel when the edited scene is rendered; more give less noise",

@@ -7,7 +7,9 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
+from ..core.gloss import INDEX
 from ..core.light_units import energy_and_color, power_from_intensity, power_from_radiance
+from ..core.reflectance import coat_index
 from ..core.types import AreaLight, Array, Light, PointLight, SunLight, Surface
 from .projection import add_projection
 
@@ -35,7 +37,9 @@ def write_light(scene: bpy.types.Scene, light: Light, obj: bpy.types.Object | No
         data.spread = np.pi
         _place(obj, light.u, light.v, light.centre)
     elif isinstance(light, PointLight):
-        data.shadow_soft_size = 0.0
+        data.shadow_soft_size = light.radius
+        if hasattr(data, "use_soft_falloff"):  # it darkens what is near a light with a radius
+            data.use_soft_falloff = False
         _place(obj, np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0]), light.centre)
     else:
         data.angle = light.angle
@@ -98,7 +102,10 @@ def write_material(
     shader = _bare_principled(material)
     colour = shader.inputs["Base Color"]
     colour.default_value = (*surface.albedo, 1.0)
-    shader.inputs["Specular IOR Level"].default_value = surface.specular
+    # Blender clamps the level at 1; beyond it the index says how much is mirrored.
+    beyond = surface.specular > 1.0
+    shader.inputs["IOR"].default_value = coat_index(INDEX, surface.specular) if beyond else INDEX
+    shader.inputs["Specular IOR Level"].default_value = 0.5 if beyond else surface.specular
     shader.inputs["Roughness"].default_value = surface.roughness
     material.diffuse_color = (*surface.albedo, 1.0)
     if texture is not None and group is not None:

@@ -1,6 +1,7 @@
 """The unlit texture of surfaces whose albedo varies: the photo with its shading divided out, as the camera sees it."""
 
-from collections.abc import Generator, Sequence
+from collections.abc import Generator, Mapping, Sequence
+from dataclasses import replace
 
 import bpy
 import numpy as np
@@ -8,6 +9,7 @@ from scipy import ndimage
 
 from ..core.albedo_map import albedo_map
 from ..core.types import Array, Buffers, Mask, Photo, Progress, Surface
+from . import scene_write
 from .render_depsgraph import settings
 from .rendering import render
 from .scene_read import SceneView, read_camera
@@ -30,6 +32,7 @@ def albedo_texture(
     view: SceneView,
     buffers: Buffers,
     surfaces: Sequence[Surface],
+    materials: Mapping[str, bpy.types.Material],
     quality: str,
 ) -> Generator[Progress, None, Array]:
     """Compute each textured pixel's albedo and coverage, (H, W, 4), in the size of `view`'s camera.
@@ -37,17 +40,28 @@ def albedo_texture(
     scene : with the estimated lights, and materials of one albedo each; its render over that albedo is the shading,
         shadows and interreflection included
     buffers : what each pixel of `view` shows
+    materials : those of `scene`, by name; where a textured surface is glossy, its highlights are rendered on black and
+        taken off, so that they do not end in the texture
     """
     width, height = view.camera.width, view.camera.height
+    solved = {surface.name: surface for surface in surfaces}
+    glossy = [name for name, surface in solved.items() if surface.textured and surface.specular > 0]
+    highlights = np.zeros((height, width, 3))
     with settings(scene.render, resolution_x=width, resolution_y=height, pixel_aspect_x=1.0, pixel_aspect_y=1.0):
         rendered = yield from render(scene, SAMPLES[quality])
-    solved = {surface.name: surface for surface in surfaces}
+        if glossy:
+            for name in glossy:
+                scene_write.write_material(materials[name], replace(solved[name], albedo=np.zeros(3)))
+            on_black = yield from render(scene, SAMPLES[quality])
+            of = np.isin(buffers.surface, [buffers.names.index(name) for name in glossy if name in buffers.names])
+            highlights[of] = on_black[of]
     flat = np.array([solved[name].albedo if name in solved else np.ones(3) for name in buffers.names])
     textured = np.array([name in solved and solved[name].textured for name in buffers.names])
     albedo = flat[buffers.surface]
     pure = (buffers.surface >= 0) & ~buffers.mixed
-    shading = _smooth(rendered / np.maximum(albedo, 1e-3), buffers.surface, pure)
-    texture = albedo_map(_resized(photo.linear, width, height), shading, albedo)
+    shading = _smooth((rendered - highlights) / np.maximum(albedo, 1e-3), buffers.surface, pure)
+    matt = np.maximum(_resized(photo.linear, width, height) - _smooth(highlights, buffers.surface, pure), 0.0)
+    texture = albedo_map(matt, shading, albedo)
     known = pure & textured[buffers.surface] & ~(_resized(photo.clipped[..., None] * 1.0, width, height)[..., 0] > 0)
     if not known.any():
         return np.zeros((height, width, 4))

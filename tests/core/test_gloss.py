@@ -16,11 +16,11 @@ from core.gloss import (
     converted,
     response_of,
     specular_term,
-    subset,
 )
 from core.lights import facing, shading
 from core.materials import solve_materials
 from core.reflectance import coat_albedo, coat_index
+from core.samples import subset
 from core.types import PointLight, Samples, SunLight
 
 

@@ -1,0 +1,97 @@
+"""What is recovered of strengths, albedos and gloss where the light's place is known, against the truth.
+
+    python -m reshade.bench.known_light FOLDER [--seeds 1,2,3] [--kinds NAME ...]
+
+The scene gets its true lights, of unit strength, and one surface's true albedo is named as white card. Errors in % of
+the truth, median and worst; surfaces that are in the dark are left out.
+"""
+
+import argparse
+import json
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from ..core.lights import strength_of, with_strength
+from ..core.materials import Card
+from ..core.types import Array
+from ..reshade_addon import register, solving, unregister
+from ..reshade_addon.blend_file import open_blend
+from ..reshade_addon.photo_io import read_photo
+from ..reshade_addon.progress import drain
+from ..reshade_addon.scene_read import read_light
+from ..reshade_addon.scene_write import write_light
+from . import scene_parts as parts
+from .run import line
+from .scenes import photo_path, scene_folder
+
+KINDS = ("tabletop", "glossy", "tabletop, interreflected", "room", "second light")
+DARK = 0.03  # of the photo's mean: a surface that is darker says nothing of its albedo
+COLUMNS = ("scene", "seed", "strength %", "albedo %", "highlights", "roughness %", "specular %", "s")
+
+
+def measure(folder: Path) -> dict:
+    """Errors of one scene, in %."""
+    truth = json.loads((folder / "truth.json").read_text())
+    open_blend(folder / "true.blend")
+    lights = [read_light(obj) for obj in bpy.context.scene.objects if obj.type == "LIGHT"]
+    shaders = {m.name: parts.principled(m).inputs for m in bpy.data.materials if m.name in truth["albedo"]}
+    gloss = {name: (s["Specular IOR Level"].default_value, s["Roughness"].default_value) for name, s in shaders.items()}
+    scene, photo = open_blend(folder / "scene.blend"), read_photo(photo_path(folder))
+    for light in lights:
+        write_light(scene, with_strength(light, np.ones(3)))
+    trial = drain(solving.solve_materials(scene, photo, quality="standard"))
+    card = max(trial.estimate.surfaces, key=lambda s: s.samples if s.name in truth["albedo"] else 0).name
+    card = Card(card, np.array(truth["albedo"][card]))
+    found = drain(solving.solve_materials(scene, photo, quality="standard", card=card)).estimate
+    strengths = [_off(strength_of(a), strength_of(b)) for a, b in zip(found.lights, lights, strict=True)]
+    out: dict = {"strength": max(strengths), "albedo": {}, "evident": [], "roughness": {}, "specular": {}}
+    out["seconds"] = found.seconds["total"]
+    level = float(np.mean([s.albedo.mean() for s in found.surfaces]))
+    evident = {c.name.removeprefix("highlight of ") for c in found.candidates}
+    for surface in found.surfaces:
+        if surface.name not in truth["albedo"] or surface.albedo.mean() < DARK * level:
+            continue
+        out["albedo"][surface.name] = _off(surface.albedo, np.array(truth["albedo"][surface.name]))
+        level_true, rough_true = gloss[surface.name]
+        if surface.specular > 0 and level_true > 0 and surface.name in evident:
+            out["evident"].append(surface.name)
+            out["roughness"][surface.name] = 100 * abs(surface.roughness / rough_true - 1)
+            out["specular"][surface.name] = 100 * abs(surface.specular / level_true - 1)
+    return out
+
+
+def _off(found: Array, true: Array) -> float:
+    return float(100 * np.max(np.abs(found / true - 1)))
+
+
+def _worst(errors: dict[str, float]) -> str:
+    if not errors:
+        return "–"
+    name = max(errors, key=errors.__getitem__)
+    return f"{np.median(list(errors.values())):.1f} ({errors[name]:.1f}, {name})"
+
+
+def main() -> None:
+    """Print a line of a table for each scene."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--seeds", default="1,2,3")
+    parser.add_argument("--kinds", nargs="+", default=KINDS)
+    chosen = parser.parse_args()
+    print(line(list(COLUMNS)) + "\n" + line(["---"] * len(COLUMNS)))
+    register()
+    try:
+        for kind in chosen.kinds:
+            for seed in map(int, chosen.seeds.split(",")):
+                found = measure(scene_folder(chosen.folder, seed, kind))
+                cells = [kind, str(seed), f"{found['strength']:.2f}", _worst(found["albedo"])]
+                cells += [str(len(found["evident"])), _worst(found["roughness"]), _worst(found["specular"])]
+                print(line([*cells, f"{found['seconds']:.0f}"]), flush=True)
+    finally:
+        unregister()
+
+
+if __name__ == "__main__":
+    main()
