@@ -1,7 +1,9 @@
 """The thesis's comparisons of highlight removal (figures 3.8, 3.9, 3.12, 3.13, 3.14) on pictures of known truth.
 
 An apple with a spread-out, clipped highlight; a jalapeno with a narrow, unclipped one on a varying skin; a small-grain
-texture; a wood texture; a clipped pop can. All are made by the dichromatic model with a Torrance-Sparrow lobe.
+texture; a wood texture; a clipped pop can. All are made by the dichromatic model with a Torrance-Sparrow lobe. As in
+the thesis, Lee's and Klinker's methods are given the outlined highlight with matt surface round it; `auto` is given
+the picture alone.
 """
 
 from dataclasses import dataclass
@@ -13,21 +15,23 @@ from scipy import ndimage
 
 from ..core.color import linear_to_srgb
 from ..core.highlights import split
-from ..core.types import Array, Photo
+from ..core.types import Array, Mask, Photo
 from ..reshade_addon.progress import drain
 
 SIDE = 240
 SHOWN = ("lee", "klinker", "auto")
 MARGIN, LINE = 12, 22
+OUTLINED, ROOM = 0.02, 12  # an outline goes round this share of a highlight's peak, with so many pixels of matt surface
 
 
 @dataclass(frozen=True)
 class Example:
-    """A picture and the diffuse part it was made with."""
+    """A picture, the diffuse part it was made with, and what a user would outline for the classical methods."""
 
     title: str
     image: Array
     diffuse: Array
+    outline: Mask
 
 
 def examples() -> list[Example]:
@@ -64,7 +68,8 @@ def write_figures(path: Path) -> None:
         cells = [("photo", example.image, _error(example, example.image)), ("truth", example.diffuse, None)]
         for method in SHOWN:
             clipped = np.zeros(example.image.shape[:2], dtype=bool)
-            result = drain(split(Photo(example.image, clipped), method)).diffuse
+            outline = None if method == "auto" else example.outline
+            result = drain(split(Photo(example.image, clipped), method, outline)).diffuse
             cells.append((method, result, _error(example, result)))
         for column, (name, picture, error) in enumerate(cells):
             left = MARGIN + column * (SIDE + MARGIN)
@@ -95,7 +100,8 @@ def _example(
     specular = strength * np.exp(-((slope / roughness) ** 2) / 2) * inside
     rng = np.random.default_rng(1)
     image = diffuse + specular[..., None] * np.array([1.0, 0.97, 0.92]) + 0.002 * rng.standard_normal(diffuse.shape)
-    return Example(title, np.rint(np.clip(image, 0, ceiling) * 255) / 255, diffuse)
+    outline = ndimage.binary_dilation(specular > OUTLINED * specular.max(), iterations=ROOM) & (inside > 0)
+    return Example(title, np.rint(np.clip(image, 0, ceiling) * 255) / 255, diffuse, outline)
 
 
 def _ball(x: Array, y: Array, radius: float) -> tuple[Array, Array]:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from ..core.camera import pixel_centres
-from ..core.highlights.products import Split
+from ..core.highlights.products import SEEN, Split
 from ..core.highlights.with_scene import Fragments, SceneSplit, split_with_scene
 from ..core.types import Array, Light, Photo, Progress, Samples
 from ..core.visibility import openness, visible_fraction
@@ -45,8 +45,12 @@ def split_scene(scene: bpy.types.Scene, photo: Photo) -> Generator[Progress, Non
     found = yield from part(split_with_scene(small, seen, lights, ambient), 0.4, 0.9)
     if factor == 1:
         return found
-    specular = yield from part(_enlarged(found.split.specular, seen, whole, surfaces, factor), 0.9, 1.0)
+    both = np.concatenate([found.split.specular, found.split.diffuse], axis=2)
+    both = yield from part(_enlarged(both, seen, whole, surfaces, factor), 0.9, 1.0)
+    specular = both[..., :3]
     diffuse = photo.linear - np.minimum(specular, np.maximum(photo.linear, 0.0))
+    rebuilt = photo.clipped & (specular.max(axis=2) > SEEN * float(photo.linear.max()))
+    diffuse[rebuilt] = both[rebuilt, 3:]
     return replace(found, split=Split(diffuse, specular, found.split.light))
 
 
@@ -133,16 +137,16 @@ def _reduced(photo: Photo, factor: int) -> Photo:
 
 
 def _enlarged(
-    specular: Array, seen: Fragments, whole: SceneView, surfaces: NDArray[np.int32], factor: int
+    small: Array, seen: Fragments, whole: SceneView, surfaces: NDArray[np.int32], factor: int
 ) -> Generator[Progress, None, Array]:
-    """The highlights of a reduced photo at the photo's own size: linear within a surface, not across its outline."""
-    height, width = specular.shape[:2]
+    """A reduced picture (h, w, C) at the photo's own size: linear within a surface, not across its outline."""
+    height, width, channels = small.shape
     label = np.full(height * width, -1)
     label[seen.pixel] = seen.surface
     pure = np.zeros(height * width, dtype=bool)
     pure[seen.pixel[seen.share == 1]] = True
     label = np.where(pure, label, -2).reshape(height, width)
-    out = np.zeros((whole.camera.height, whole.camera.width, 3), dtype=np.float32)
+    out = np.zeros((whole.camera.height, whole.camera.width, channels), dtype=np.float32)
     columns = np.arange(out.shape[1])
     rows_each = max(BAND // out.shape[1], 1)
     for start in range(0, len(out), rows_each):
@@ -152,13 +156,13 @@ def _enlarged(
         own = surfaces[rays.triangle].reshape(xy.shape[:2])
         place = [(x + 0.5) / factor - 0.5 for x in (rows, columns)]
         low = [np.floor(x).astype(np.intp) for x in place]
-        total, weight = np.zeros((*own.shape, 3)), np.full(own.shape, 1e-9)
+        total, weight = np.zeros((*own.shape, channels)), np.full(own.shape, 1e-9)
         for i in (0, 1):
             for j in (0, 1):
                 y, x = (np.clip(n + k, 0, m - 1) for n, k, m in zip(low, (i, j), (height, width), strict=True))
                 far = [1 - np.abs(p - n - k) for p, n, k in zip(place, low, (i, j), strict=True)]
-                share = np.outer(*far) * (label[np.ix_(y, x)] == own) + 1e-6 * (own >= 0)[..., None][..., 0]
-                total += share[..., None] * specular[np.ix_(y, x)]
+                share = np.outer(*far) * (label[np.ix_(y, x)] == own) + 1e-6 * (own >= 0)
+                total += share[..., None] * small[np.ix_(y, x)]
                 weight += share
         out[rows] = total / weight[..., None]
     return out

@@ -23,7 +23,7 @@ from ..types import Array, Mask
 SCALES = (1.0, 2.0, 4.0, 8.0, 16.0)  # pixels, between the bands
 NU = 1.0  # degrees of freedom of the t distribution: heavy tails
 FLOOR = 0.01  # of the mean albedo: geometry and light are not known better than that
-MOST = 4000  # pixels a band is looked at
+MOST = 3000  # pixels a band is looked at
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,8 +45,8 @@ def bands(picture: Array, mask: Mask, chosen: Array) -> Bands:
     known = np.where(mask[..., None], picture, 0.0)
     before, out = known, []
     for scale in SCALES[: _count(mask)]:
-        total = ndimage.gaussian_filter(weight, scale)[..., None] + 1e-9
-        smooth = ndimage.gaussian_filter(known, (scale, scale, 0)) / total
+        total = ndimage.gaussian_filter(weight, scale, truncate=3)[..., None] + 1e-9
+        smooth = ndimage.gaussian_filter(known, (scale, scale, 0), truncate=3) / total
         out.append((before - smooth)[mask][chosen])
         before = smooth
     rest = before[mask][chosen]

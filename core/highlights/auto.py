@@ -21,6 +21,8 @@ TRUSTED = 1.5e-4  # mean square of the specular part, peak 1, from which on it s
 OWN_COLOUR = (5.0, 12.0)  # degrees between light and surface: under the first, what was found says nothing of the light
 FAR = (6.0, 12.0)  # degrees from the first estimate: above the second, what was found was no highlight
 ACCEPTED = 0.2  # share of the smallest channel that must be specular for a clipped pixel to be rebuilt
+BURNT = 0.02  # of the peak: what was found round a burnt-out spot reaches out to here
+SOFT = 2  # pixels beside what clipped: lenses and codings smear it that far
 REACH = 4  # rows beyond a band that its filters see
 
 
@@ -43,7 +45,11 @@ def split(image: Array, usable: Mask | None = None) -> Generator[Progress, None,
     yield Progress(0.25, "Gathering evidence")
     lit = np.maximum(working, 0.0) / light
     lit = unclipped(lit, working_clipped)
-    seen = ev.gather(lit, working_usable & ~working_clipped.any(axis=2))
+    certain = working_usable & ~working_clipped.any(axis=2)
+    seen = ev.gather(lit, certain, ev.FINE)
+    burnt = (working_clipped.sum(axis=2) >= 2) & working_usable
+    broad = ev.gather(lit, certain, ev.BROAD, 2 * ev.STRIDE) if burnt.any() else None
+    round_burnt = _around(burnt, ev.whole(broad, lit) > BURNT * broad.peak) if broad else None
     diffuse, specular = np.empty_like(image), np.empty_like(image)
     height, width = usable.shape
     rows_each = max(BAND // width, 1)
@@ -62,6 +68,13 @@ def split(image: Array, usable: Mask | None = None) -> Generator[Progress, None,
                 band = _rebuilt(band, clipped[first:last], parts(free)[1])
         longer = max(height, width)
         found = ev.specular(seen, band, rows / longer, columns / longer, kept, steady)
+        if broad and round_burnt is not None:
+            kept, steady, near = (
+                x[first:last] if factor == 1 else _enlarged(x, rows, columns, factor)
+                for x in (broad.kept, broad.steady, round_burnt)
+            )
+            large = near * ev.specular(broad, band, rows / longer, columns / longer, kept, steady)
+            found = np.maximum(found, large)
         inner = slice(start - first, stop - first)
         part = np.where(usable[start:stop], found[inner], 0.0)
         specular[start:stop] = part[..., None] * light
@@ -69,7 +82,18 @@ def split(image: Array, usable: Mask | None = None) -> Generator[Progress, None,
         at = clipped[start:stop].any(axis=2) & (part > ACCEPTED * parts(band[inner])[0])
         rest[at] = (band[inner][at] - part[at][:, None]) * light
         diffuse[start:stop] = rest
+    _continue_burnt(diffuse, specular, clipped, usable)
     return Split(diffuse, specular, light)
+
+
+def _continue_burnt(diffuse: Array, specular: Array, clipped: Mask, usable: Mask) -> None:
+    """Continue the diffuse part, in place, from the border of each highlight that burnt out two channels or more."""
+    hole = ndimage.binary_dilation(clipped.sum(axis=2) >= 2, iterations=SOFT) & usable
+    hole &= specular.min(axis=2) > 0
+    labels, _ = ndimage.label(hole)
+    for number, box in enumerate(ndimage.find_objects(labels), start=1):
+        around = tuple(slice(max(side.start - 1, 0), side.stop + 1) for side in box)
+        diffuse[around] = continued(diffuse[around], labels[around] == number)
 
 
 def light_colour(image: Array, usable: Mask) -> Array:
@@ -83,7 +107,7 @@ def light_colour(image: Array, usable: Mask) -> Array:
         image, _, usable = _reduced(image, np.zeros((*usable.shape, 3), dtype=bool), usable, factor)
     light = estimate(image, usable)
     lit = np.maximum(image, 0.0) / light
-    seen = ev.gather(lit, usable)
+    seen = ev.gather(lit, usable, ev.FINE)
     found = np.where(usable, ev.whole(seen, lit), 0.0)
     saliency = float((found**2).mean()) / seen.peak**2
     if saliency < 0.01 * TRUSTED:
@@ -102,6 +126,13 @@ def light_colour(image: Array, usable: Mask) -> Array:
     trust *= 1 - float(ev.ramp(degrees_between(factors, light), *FAR))
     light = np.exp(trust * np.log(factors / factors[1]) + (1 - trust) * np.log(light / light[1]))
     return light / light.max()
+
+
+def _around(burnt: Mask, found: Mask) -> Array:
+    """Share (H, W) of 1 where something found is connected to what burnt out, fading at its edge."""
+    labels, _ = ndimage.label(found | burnt)
+    own = np.unique(labels[burnt])
+    return ndimage.gaussian_filter(np.isin(labels, own[own > 0]).astype(np.float64), 1.0)
 
 
 def unclipped(image: Array, clipped: Mask) -> Array:

@@ -6,6 +6,9 @@ surface carries no chromatic evidence, and white paint, pale walls and grey obje
 specular-free colour does not fall or turn where brightness rises: under a highlight it goes on, at the edge of white
 paint it does not, and the mixed pixels along that edge are told apart by this alone. (4) It is small: what a
 morphological opening keeps is shading.
+
+A highlight larger than that is taken for one only where it burns out all channels at its middle: shading alone does
+not. There the four are asked at a broad scale, of strongly coloured surfaces.
 """
 
 from dataclasses import dataclass
@@ -18,18 +21,32 @@ from ..types import Array, Mask
 from .specular_free import NOISE, Grid, build, parts
 
 TEXTURE = 0.01  # relative; reflectance varies by this much on the plainest surfaces
-SALIENT = 0.014  # of the peak: fainter than this (3 steps of 8 bits) a highlight is not seen, and fades out
-NEUTRAL, COLOURED = 0.15, 0.25  # max(D) / M: under the first nothing is said, above the second all
-TURN = 0.25  # of the specular-free colour, for a brightening by one standard deviation
-EDGE = 0.006  # of the longer side, 2 to 4 pixels: the width of the edge of paint
-LARGEST = 0.04  # of the longer side: half the width of the largest highlight
 STRIDE = 2  # every second pixel both ways says enough about the neighbourhoods
 
 
 @dataclass(frozen=True, slots=True)
-class Evidence:
-    """What is known of a photo at working resolution, from which each pixel's specular part follows."""
+class Scale:
+    """How large a highlight may be, and what is asked of one so large. Lengths are shares of the longer side."""
 
+    largest: float  # half the width of the largest highlight
+    cell: float  # of the neighbourhoods, which reach two cells: further than the highlight
+    edge: float  # window in which the specular-free colour must be steady: the width of paint's edge
+    turn: float  # of that colour, for a brightening by one standard deviation
+    neutral: float  # max(D) / M of the colour: under this nothing is said,
+    coloured: float  # above this all
+    salient: float  # of the peak: fainter highlights fade out
+    beneath: bool  # the colour asked for is the surface's, as it would be without the highlight, not the pixel's
+
+
+FINE = Scale(largest=0.04, cell=0.05, edge=0.006, turn=0.25, neutral=0.15, coloured=0.25, salient=0.014, beneath=False)
+BROAD = Scale(largest=0.3, cell=0.3, edge=0.012, turn=0.2, neutral=0.3, coloured=0.5, salient=0.03, beneath=True)
+
+
+@dataclass(frozen=True, slots=True)
+class Evidence:
+    """What is known of a photo at working resolution and one scale, from which each pixel's specular part follows."""
+
+    scale: Scale
     grid: Grid
     kept: Array  # (h, w) opening of M: what is too large for a highlight
     steady: Array  # (h, w) 0..1, how steady the specular-free colour is where brightness changes
@@ -37,16 +54,20 @@ class Evidence:
     peak: float
 
 
-def gather(image: Array, usable: Mask, stride: int = STRIDE) -> Evidence:
-    """Gather the evidence of an image (H, W, 3) in units of the light; `usable` (H, W): neither clipped nor hidden."""
+def gather(image: Array, usable: Mask, scale: Scale, stride: int = STRIDE) -> Evidence:
+    """Gather the evidence, at one scale, of an image (H, W, 3) in units of the light.
+
+    usable : (H, W) pixels that are neither clipped nor hidden
+    """
     smallest, free = parts(image)
     brightest = image.max(axis=2)
     peak = float(np.percentile(brightest, 99.9)) + 1e-300
-    grid = build(smallest, free, usable & (brightest > 2 * NOISE * peak), peak, stride)
+    grid = build(smallest, free, usable & (brightest > 2 * NOISE * peak), peak, scale.cell, stride)
     longer = max(smallest.shape)
-    side = 2 * int(LARGEST * longer) + 1
+    side = 2 * int(scale.largest * longer) + 1
     kept = ndimage.maximum_filter(ndimage.minimum_filter(smallest, side), side)
-    return Evidence(grid, kept, _steadiness(smallest, free, grid.noise, max(1.0, EDGE * longer)), grid.noise, peak)
+    steady = _steadiness(smallest, free, grid.noise, max(1.0, scale.edge * longer), scale.turn)
+    return Evidence(scale, grid, kept, steady, grid.noise, peak)
 
 
 def specular(evidence: Evidence, image: Array, rows: Array, columns: Array, kept: Array, steady: Array) -> Array:
@@ -63,9 +84,13 @@ def specular(evidence: Evidence, image: Array, rows: Array, columns: Array, kept
     found = np.clip(smallest - diffuse, 0.0, np.maximum(smallest, 0.0))
     doubt = (TEXTURE + spread) * diffuse + gain * n + n
     sure = found**2 / (found**2 + doubt**2 + 1e-300)
-    colour = ndimage.gaussian_filter(free, (1, 1, 0)).max(axis=2) / (np.abs(ndimage.gaussian_filter(smallest, 1)) + n)
-    out = np.minimum(found * sure * ramp(colour, NEUTRAL, COLOURED) * steady, np.maximum(smallest - kept, 0.0))
-    return out * out**2 / (out**2 + (SALIENT * evidence.peak) ** 2)
+    asked = evidence.scale
+    grey = diffuse if asked.beneath else smallest
+    colour = ndimage.gaussian_filter(free, (1, 1, 0)).max(axis=2) / (np.abs(ndimage.gaussian_filter(grey, 1)) + n)
+    out = np.minimum(
+        found * sure * ramp(colour, asked.neutral, asked.coloured) * steady, np.maximum(smallest - kept, 0.0)
+    )
+    return out * out**2 / (out**2 + (asked.salient * evidence.peak) ** 2)
 
 
 def whole(evidence: Evidence, image: Array) -> Array:
@@ -82,7 +107,7 @@ def ramp(x: ArrayLike, low: float, high: float) -> Array:
     return t * t * (3 - 2 * t)
 
 
-def _steadiness(smallest: Array, free: Array, noise: float, sigma: float) -> Array:
+def _steadiness(smallest: Array, free: Array, noise: float, sigma: float, turn: float) -> Array:
     """1 where the specular-free colour stays or grows with brightness, falling to 0 as it falls or turns.
 
     The measure is the covariance of D with M over a Gaussian window, per standard deviation of M, relative to D.
@@ -99,4 +124,4 @@ def _steadiness(smallest: Array, free: Array, noise: float, sigma: float) -> Arr
     size = np.sqrt((colour**2).sum(axis=2))
     along = (change * colour).sum(axis=2) / (size + 1e-12)
     across = (change**2).sum(axis=2) - along**2
-    return np.exp(-(np.minimum(along, 0.0) ** 2 + np.maximum(across, 0.0)) / (TURN * (size + noise)) ** 2)
+    return np.exp(-(np.minimum(along, 0.0) ** 2 + np.maximum(across, 0.0)) / (turn * (size + noise)) ** 2)

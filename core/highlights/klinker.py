@@ -4,7 +4,8 @@ The colours of one material fill a plane through black. Most lie on the matte li
 highlight branch off it along the highlight line. The planes of several materials intersect in the light's colour;
 a single one leaves the highlight line's direction, put right by Novak's correction of its skew. Removal projects
 along the light onto the matte line; a clipped channel is left out of the projection, which extrapolates it, and
-where two are clipped the diffuse component is continued from the border.
+where two are clipped, or what is left does not tell matte from light, the diffuse component is continued from the
+border.
 """
 
 from collections.abc import Generator
@@ -22,6 +23,7 @@ from .skew import correction
 BINS = 180  # over a quarter turn in the plane: half a degree
 BRANCH = 0.05  # radians off the matte line from which on a pixel counts to the highlight line
 FEWEST = 20  # pixels on a highlight line
+KNOWN = 0.2  # share of the matte line's length below which clipped channels cannot be extrapolated from the others
 APART = 0.1  # smallest second eigenvalue, over the third, of planes that intersect in one line
 
 
@@ -115,6 +117,13 @@ def project(colours: Array, matte: Array, light: Array, clipped: Mask) -> tuple[
     return diffuse, specular
 
 
+def seen_matte(matte: Array, light: Array, clipped: Mask) -> Array:
+    """Share (N,) of a matte line's length that the channels left unclipped (N, 3) show apart from the light's."""
+    use = (~clipped).astype(np.float64)
+    mm, ml, ll = use @ matte**2, use @ (matte * light), use @ light**2
+    return np.asarray(np.sqrt(np.maximum(mm - ml**2 / np.maximum(ll, 1e-12), 0.0)) / np.linalg.norm(matte))
+
+
 def klinker(image: Array, usable: Mask) -> Generator[Progress, None, Split]:
     """Split an image (H, W, 3) by projection along the light onto each region's matte line."""
     yield Progress(0.0, "Finding regions")
@@ -129,7 +138,7 @@ def klinker(image: Array, usable: Mask) -> Generator[Progress, None, Split]:
             fitted[label] = fit_lines(colours)
     light = light_of(list(fitted.values()))
     diffuse = image.copy()
-    hole = np.zeros(usable.shape, dtype=bool)
+    hole = (clipped.sum(axis=2) >= 2) & usable
     for label, lines in fitted.items():
         if lines.highlight is None:
             continue
@@ -139,7 +148,7 @@ def klinker(image: Array, usable: Mask) -> Generator[Progress, None, Split]:
         shines = shine * np.linalg.norm(light) > BRANCH * amount
         rest = np.where(bad.any(axis=1)[:, None], amount[:, None] * lines.matte, colours - shine[:, None] * light)
         diffuse[at] = np.where(shines[:, None], rest, colours)
-        hole[at] = bad.sum(axis=1) >= 2
+        hole[at] |= bad.any(axis=1) & (seen_matte(lines.matte, light, bad) < KNOWN)
     diffuse = continued(diffuse, hole)
     specular = np.maximum(image - diffuse, 0.0)
     return Split(diffuse, specular, light)

@@ -17,7 +17,7 @@ from .products import Split
 from .regions import regions
 from .specular_free import parts
 
-PUREST = 99.0  # percentile of purity in a region that is taken for the surface's own
+PUREST = 90.0  # percentile of purity in a region that is taken for the surface's own
 RIM = 5  # pixels: along a silhouette shading is anything but smooth
 BRIGHT = 0.05  # of the peak: darker pixels' chromaticities are noise
 ELONGATED = 4.0  # a line's variance along over across, from which on it is a line

@@ -10,13 +10,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..fresnel import dielectric
-from ..reflectance import coat
-from ..specular_area import reflected
 from ..types import AreaLight, Array, Light, PointLight, SunLight
 
-MOST_NODES = 32  # along each side of a light; a lobe that needs more is integrated adaptively
+MOST_NODES = 40  # along each side of a light
 CHUNK = 100_000  # directions evaluated at a time
-TOLERANCE = 1e-2  # of adaptive integration, relative
+RESOLVED = 2.5  # nodes over a lobe's width, about 2 roughness^2 radians
 
 
 def lobes(
@@ -26,12 +24,14 @@ def lobes(
     views: Array,
     roughness: Sequence[float],
     indices: Sequence[float],
+    most: int = MOST_NODES,
 ) -> Array:
     """Lobes (P, M, N) of an unoccluded light of unit strength at points (N, 3).
 
     views : (N, 3) unit, to the camera
     roughness : (M,) as in Blender
     indices : (P,) of refraction of the coat, see `reflectance.coat_index`
+    most : nodes along a side of an area light; a lobe too narrow for them is widened to what they resolve
     """
     out = np.zeros((len(indices), len(roughness), len(points)))
     if len(points) == 0:
@@ -46,22 +46,10 @@ def lobes(
         return _responses(normals, views, to_light, 1 / square[:, None], roughness, indices)
     extent = float(light.size.max() / np.percentile(np.linalg.norm(points - light.centre, axis=1), 2))
     for number, one in enumerate(roughness):
-        nodes = _nodes(extent, one)
-        if nodes <= MOST_NODES:
-            out[:, number] = _by_nodes(light, points, normals, views, [one], indices, nodes)[:, 0]
-            continue
-        for which, index in enumerate(indices):
-
-            def response(n: Array, i: Array, e: Array, one: float = one, index: float = index) -> Array:
-                return coat(n, i, e, one, index)
-
-            out[which, number] = reflected(light, points, normals, views, response, one**2, TOLERANCE).value
+        wide = max(one, float(np.sqrt(RESOLVED * extent / (2 * (most - 3)))))
+        nodes = int(np.ceil(RESOLVED * extent / (2 * wide**2))) + 3
+        out[:, number] = _by_nodes(light, points, normals, views, [wide], indices, nodes)[:, 0]
     return out
-
-
-def _nodes(extent: float, roughness: float) -> int:
-    """Nodes along a side of a light seen under `extent` radians that resolve a lobe, about 2 roughness^2 wide."""
-    return int(np.ceil(1.5 * extent / (2 * roughness**2))) + 3
 
 
 def _by_nodes(

@@ -20,7 +20,6 @@ from scipy import ndimage
 
 from ..types import Array
 
-CELL = 0.05  # of the longer side: neighbours are within about two cells, the size of a small object
 TONE = 0.6  # arsinh units, a factor of 1.8 in D: shading under a highlight varies by about this
 QUANTILE = 0.1  # of M / max(D) that is taken for diffuse: up to nine tenths of a neighbourhood may shine
 ROUNDS = 6  # of reweighting towards the quantile
@@ -58,14 +57,17 @@ def log_ratio(smallest: Array, free: Array, noise: float) -> Array:
     return np.log((np.maximum(smallest, 0.0) + noise) / (free.max(axis=-1) + noise))
 
 
-def build(smallest: Array, free: Array, usable: Array, peak: float, stride: int) -> Grid:
-    """Fit the grid to every `stride`-th pixel both ways of M (H, W) and D (H, W, 3) where `usable` (H, W) is not 0."""
+def build(smallest: Array, free: Array, usable: Array, peak: float, cell: float, stride: int) -> Grid:
+    """Fit the grid to every `stride`-th pixel both ways of M (H, W) and D (H, W, 3) where `usable` (H, W) is not 0.
+
+    cell : of the longer side; neighbours are within about two cells
+    """
     height, width = smallest.shape
     longer = max(height, width)
     noise = NOISE * peak
     reach = int(np.arcsinh(1.3 * peak / noise) / TONE) + 2
-    shape = (int(height / longer / CELL) + 4, int(width / longer / CELL) + 4, 2 * reach + 1, 2 * reach + 1)
-    empty = Grid(np.zeros((0, 3), dtype=np.float32), shape, CELL, noise)
+    shape = (int(height / longer / cell) + 4, int(width / longer / cell) + 4, 2 * reach + 1, 2 * reach + 1)
+    empty = Grid(np.zeros((0, 3), dtype=np.float32), shape, cell, noise)
     rows, columns = np.meshgrid(
         np.arange(0, height, stride) / longer, np.arange(0, width, stride) / longer, indexing="ij"
     )
@@ -95,7 +97,7 @@ def build(smallest: Array, free: Array, usable: Array, peak: float, stride: int)
     # The spread of the diffuse pixels is that below the quantile, where no highlight lifts it.
     under = usable * (excess <= 0)
     spread = gathered(under * np.minimum(excess, 0) ** 2) / (gathered(under) + 1e-12)
-    return Grid(np.stack([heaviness, moment, heaviness * spread], axis=1).astype(np.float32), shape, CELL, noise)
+    return Grid(np.stack([heaviness, moment, heaviness * spread], axis=1).astype(np.float32), shape, cell, noise)
 
 
 def _coordinates(grid: Grid, rows: Array, columns: Array, free: Array) -> list[Array]:

@@ -9,6 +9,7 @@ modelled: the texture may be anything that does not know where the light is.
 
 from collections.abc import Generator, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,21 +18,24 @@ from ..lights import shading, strength_of
 from ..reflectance import coat_albedo, coat_index
 from ..types import Array, Light, Mask, Photo, Progress
 from .albedo_likelihood import Bands, Likelihood, bands, choose
-from .lobes import lobes
-from .products import Split
+from .clipping import clipped_channels, continued
+from .lobes import MOST_NODES, lobes
+from .products import SEEN, Split
 
 LEVELS = np.array([0.0, 0.08, 0.13, 0.2, 0.3, 0.45, 0.65, 0.95, 1.4])  # Principled's Specular IOR Level
-ROUGHNESS = np.array([0.1, 0.15, 0.2, 0.25, 0.31, 0.38, 0.46, 0.56, 0.7])
+ROUGHNESS = np.array([0.12, 0.15, 0.2, 0.25, 0.31, 0.38, 0.46, 0.56, 0.7])
 NODES = np.array([0.12, 0.4, 1.4])  # levels at which lobes are computed; between them they change about linearly
 INDEX = 1.5  # Principled's own, which the level scales
 USUAL, USUAL_SPREAD = (0.5, 0.32), (0.7, 0.6)  # prior: level and roughness, and standard deviations of their logarithms
 MATT = 0.05  # prior probability of no coat at all
 TEMPER = 0.5  # of the likelihood: neighbouring pixels are not independent, and the model is not exact
-STEPS = np.array([-1.5, -0.75, 0.0, 0.75, 1.5])  # standard deviations of the second grid about the first's mean
-FINEST = (0.08, 0.06)  # of the second grid's steps in logarithms, at least: level, roughness
-PIXELS = 12_000  # of a surface that are looked at; larger ones are looked at every few pixels
+STEPS = np.array([-1.5, -0.75, 0.0, 0.75, 1.5])  # standard deviations of a finer grid about the mean of that before
+ROUNDS = ((0.17, 0.07), (0.06, 0.025))  # least standard deviations of level and roughness, of each finer grid
+GRID_NODES = 20  # a light's sides are divided into at most so many for the grids
+PIXELS = 8_000  # of a surface that are looked at; larger ones are looked at every few pixels
 FEWEST = 150  # pixels that can say anything
 DIM = 0.1  # of a surface's bright parts: darker ones are lit by what is not modelled
+_COSINES = np.linspace(0.02, 1.0, 30)  # to the camera, at which the sky's reflection is tabulated
 BEYOND = 1.15  # times the highlight may exceed the photo's darkest pixels
 
 
@@ -65,9 +69,13 @@ class SurfaceGloss:
     shines: float  # probability that there is a coat at all
     spread: tuple[float, float]  # standard deviations of the logarithms of level and roughness
 
+    def __bool__(self) -> bool:
+        """Whether a coat is likelier than none."""
+        return self.shines > 0.5
+
     def in_words(self) -> str:
         """A line for the user."""
-        if self.shines < 0.5:
+        if not self:
             return f"{self.name}: no highlight"
         return f"{self.name}: specular {self.specular:.2f}, roughness {self.roughness:.2f}"
 
@@ -85,17 +93,18 @@ def split_with_scene(
 ) -> Generator[Progress, None, SceneSplit]:
     """Split a photo into its components under known lights and a uniform ambient (3,) of known radiance.
 
-    Pixels that show no surface are left as they are.
+    Pixels that show no surface are left as they are. Where the sensor clipped a highlight, the albedo is continued
+    from the border of what was clipped.
     """
     height, width = photo.clipped.shape
-    whole = np.bincount(seen.pixel, seen.share, height * width).reshape(height, width)
     pure = np.zeros(height * width, dtype=bool)
     pure[seen.pixel[seen.share > 1 - 1e-6]] = True
     label = np.full(height * width, -1, dtype=np.int32)
     label[seen.pixel] = seen.surface
     fragment = np.zeros(height * width, dtype=np.intp)
     fragment[seen.pixel] = np.arange(len(seen.pixel))
-    inner = _eroded(pure.reshape(height, width)) & ~photo.clipped & (whole > 0.5)
+    clipped = photo.clipped | clipped_channels(photo.linear).any(axis=2)
+    inner = _eroded(pure.reshape(height, width)) & ~clipped
     specular, found = np.zeros((height * width, 3)), []
     view = seen.view()
     for number, name in enumerate(seen.names):
@@ -103,16 +112,25 @@ def split_with_scene(
         mask = inner & (label.reshape(height, width) == number)
         gloss = _fit(name, photo.linear, mask, fragment.reshape(height, width), seen, view, lights, ambient)
         found.append(gloss)
+        if not gloss:
+            continue
         own = np.flatnonzero(seen.surface == number)
         one = _highlight(seen, view, own, lights, ambient, np.array([gloss.specular]), np.array([gloss.roughness]))
-        np.add.at(specular, seen.pixel[own], gloss.shines * seen.share[own, None] * one[0, 0])
+        np.add.at(specular, seen.pixel[own], seen.share[own, None] * one[0, 0])
     colour = sum((strength_of(light) for light in lights), np.zeros(3))
     specular = specular.reshape(height, width, 3)
     diffuse = photo.linear - np.minimum(specular, np.maximum(photo.linear, 0.0))
+    hole = clipped & (specular.max(axis=2) > SEEN * float(photo.linear.max()))
+    if hole.any():
+        yield Progress(1.0, "Rebuilding what was clipped")
+        white = np.zeros((height * width, 3))
+        np.add.at(white, seen.pixel, seen.share[:, None] * diffuse_light(seen, slice(None), lights, ambient))
+        white = np.maximum(white.reshape(height, width, 3), 1e-6 * float(white.max()))
+        diffuse[hole] = (continued(diffuse / white, hole) * white)[hole]
     return SceneSplit(Split(diffuse, specular, colour / max(float(colour.max()), 1e-300)), tuple(found))
 
 
-def diffuse_light(seen: Fragments, which: NDArray[np.intp], lights: Sequence[Light], ambient: Array) -> Array:
+def diffuse_light(seen: Fragments, which: NDArray[np.intp] | slice, lights: Sequence[Light], ambient: Array) -> Array:
     """Radiance (N, 3) of a white matt surface at the chosen fragments."""
     out = seen.openness[which, None] * ambient
     for number, light in enumerate(lights):
@@ -129,20 +147,30 @@ def _highlight(
     ambient: Array,
     levels: Array,
     roughness: Array,
+    nodes: int = MOST_NODES,
 ) -> Array:
     """The coat's radiance (P, M, N, 3) at the chosen fragments, for each level and roughness."""
     indices = [coat_index(INDEX, float(level)) for level in levels]
     point, normal, towards = seen.point[which], seen.normal[which], view[which]
     out = np.zeros((len(levels), len(roughness), len(which), 3))
     for number, light in enumerate(lights):
-        lobe = lobes(light, point, normal, towards, roughness.tolist(), indices)
+        lobe = lobes(light, point, normal, towards, roughness.tolist(), indices, nodes)
         out += (lobe * seen.arriving[which, number])[..., None] * strength_of(light)
     if ambient.any():
         cosine = np.einsum("ij,ij->i", normal, towards)
         for p, index in enumerate(indices):
             for m, one in enumerate(roughness):
-                out[p, m] += (coat_albedo(cosine, float(one), index) * seen.openness[which])[:, None] * ambient
+                out[p, m] += (_sky_share(cosine, float(one), index) * seen.openness[which])[:, None] * ambient
     return out
+
+
+def _sky_share(cosine: Array, roughness: float, index: float) -> Array:
+    return np.asarray(np.interp(cosine, _COSINES, _sky_table(roughness, index)))
+
+
+@lru_cache(maxsize=256)  # every surface asks for the same grid
+def _sky_table(roughness: float, index: float) -> Array:
+    return coat_albedo(_COSINES, roughness, index)
 
 
 def _fit(
@@ -155,7 +183,7 @@ def _fit(
     lights: Sequence[Light],
     ambient: Array,
 ) -> SurfaceGloss:
-    """The level and roughness of one surface: two grids, the second about what the first found."""
+    """The level and roughness of one surface: a grid over all there is, then finer ones about what the last found."""
     unknown = SurfaceGloss(name, 0.0, 1.0, 0.0, USUAL_SPREAD)
     if np.count_nonzero(mask) < FEWEST:
         return unknown
@@ -178,7 +206,7 @@ def _fit(
         """Logarithm of the posterior (P, M), not normalised; -inf where the highlight exceeds the photo."""
         nodes = np.stack([_at_nodes(level) for level in levels])
         pictures = np.zeros((len(NODES), len(roughness), *mask.shape, 3))
-        pictures[:, :, mask] = _highlight(seen, view, which[mask], lights, ambient, NODES, roughness)
+        pictures[:, :, mask] = _highlight(seen, view, which[mask], lights, ambient, NODES, roughness, GRID_NODES)
         pictures /= np.where(mask[..., None], light, 1.0)
         out = np.full((len(levels), len(roughness)), -np.inf)
         for m in range(len(roughness)):
@@ -197,14 +225,13 @@ def _fit(
     level, rough, shines, spread = _summary(first, LEVELS, ROUGHNESS)
     if shines < 1e-3:
         return unknown
-    steps = [
-        np.exp(np.log(middle) + STEPS * max(s, least))
-        for middle, s, least in zip((level, rough), spread, FINEST, strict=True)
-    ]
-    levels, roughness = np.clip(steps[0], 0.02, 2.0), np.clip(steps[1], 0.05, 1.0)
-    second = posterior(levels, roughness)
-    if np.isfinite(second).any():
-        level, rough, _, spread = _summary(second, levels, roughness)
+    for least in ROUNDS:
+        widths = np.maximum(spread, least)
+        levels = np.clip(level * np.exp(STEPS * widths[0]), 0.02, 2.0)
+        roughness = np.clip(rough * np.exp(STEPS * widths[1]), 0.05, 1.0)
+        finer = posterior(levels, roughness)
+        if np.isfinite(finer).any():
+            level, rough, _, spread = _summary(finer, levels, roughness)
     return SurfaceGloss(name, level, rough, shines, spread)
 
 

@@ -7,11 +7,12 @@ import bpy
 from ...core.errors import ReshadeError
 from ...core.highlights import METHODS, Split, split
 from ...core.types import Progress
-from .. import highlights, missing
+from .. import highlights, missing, reference
+from ..highlights_scene import split_scene
 from ..jobs import Job
 from ..progress import part
 
-Found = list[tuple[bpy.types.Image, Split]]
+Found = list[tuple[bpy.types.Image, Split, str]]  # and what else there is to say
 
 
 class RESHADE_OT_remove_highlights(Job, bpy.types.Operator):
@@ -28,6 +29,11 @@ class RESHADE_OT_remove_highlights(Job, bpy.types.Operator):
         description="Automatic, or one from the literature to compare it with",
         items=[(name, "Automatic" if name == "auto" else name.title(), "") for name in METHODS],
         default="auto",
+    )
+    use_scene: bpy.props.BoolProperty(
+        name="Use Scene",
+        description="Let the estimated light and the modelled geometry say where the photo's highlights are",
+        default=True,
     )
 
     @classmethod
@@ -49,19 +55,29 @@ class RESHADE_OT_remove_highlights(Job, bpy.types.Operator):
         found = []
         for number, image in enumerate(images):
             photo, alpha = highlights.read(image)
-            work = split(photo, self.method, alpha > 0)
-            found.append((image, (yield from part(work, number / len(images), (number + 1) / len(images)))))
+            share = number / len(images), (number + 1) / len(images)
+            if self._solved(context.scene, image):
+                result = yield from part(split_scene(context.scene, photo), *share)
+                gloss = ", ".join(one.in_words() for one in result.gloss)
+                found.append((image, result.split, f" ({gloss})"))
+            else:
+                result = yield from part(split(photo, self.method, alpha > 0), *share)
+                found.append((image, result, ""))
         return found
+
+    def _solved(self, scene: bpy.types.Scene, image: bpy.types.Image) -> bool:
+        """Whether a reference state tells more of this image than it does itself."""
+        return self.use_scene and self.method == "auto" and image == scene.reshade.photo and reference.has(scene)
 
     def finish(self, context: bpy.types.Context, result: Found) -> str:
         """Keep what was found beside each image; where nothing was, leave the image."""
         said = []
-        for image, found in result:
+        for image, found, more in result:
             if found.message:
                 said.append(f"{image.name}: {found.message}")
             else:
                 highlights.keep(image, found)
-                said.append(f"{image.name}: highlights on {100 * float(found.mask().mean()):.2g} %")
+                said.append(f"{image.name}: highlights on {100 * float(found.mask().mean()):.2g} %{more}")
         return "; ".join(said)
 
 

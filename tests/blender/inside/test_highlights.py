@@ -175,3 +175,76 @@ def test_alpha_is_written(fresh_scene, load, tmp_path):
         cli = load("reshade_addon.cli")
         assert cli.main(["dehighlight", str(tmp_path / "photo.png"), "--output", str(tmp_path / name)]) == 0
         assert np.abs(io.read_picture(tmp_path / name)[1] - alpha).max() < 1e-4
+
+
+@pytest.fixture
+def solved(photographed, lamp, load, tmp_path):
+    """The tabletop with its lamp in place and glossy, photographed and solved: (scene, photo, its diffuse part)."""
+    scene, _ = photographed
+    write, drain = load("reshade_addon.scene_write"), load("reshade_addon.progress").drain
+    obj = write.write_light(scene, lamp)
+    write.write_world(scene, np.zeros(3))
+    scene.cycles.max_bounces = 0
+    shaders = [material.node_tree.nodes["Principled BSDF"] for material in bpy.data.materials]
+    colours = [tuple(shader.inputs["Base Color"].default_value) for shader in shaders]
+
+    def render(level, roughness, share):
+        for shader, colour in zip(shaders, colours, strict=True):
+            shader.inputs["Specular IOR Level"].default_value, shader.inputs["Roughness"].default_value = (
+                level,
+                roughness,
+            )
+            shader.inputs["Base Color"].default_value = (*(share * x for x in colour[:3]), 1.0)
+        return drain(load("reshade_addon.rendering").render(scene, 32))
+
+    glossy = render(0.5, 0.35, 1.0)
+    matt = glossy - render(0.5, 0.35, 0.0)  # of a black base, the coat is all there is to see
+    render(0.0, 1.0, 1.0)
+    io, solving = load("reshade_addon.photo_io"), load("reshade_addon.solving")
+    io.write_picture(tmp_path / "photo.exr", glossy)
+    image = load("reshade_addon.photo_image").load_image(tmp_path / "photo.exr")
+    photo = io.read_photo(tmp_path / "photo.exr")
+    solving.apply(scene, image, drain(solving.solve_materials(scene, photo, quality="draft")))
+    assert obj.name in scene.objects
+    return scene, photo.linear, matt
+
+
+def test_the_solved_scene_says_where_highlights_are(solved, load):
+    scene, photo, matt = solved
+    assert bpy.ops.reshade.remove_highlights(image=scene.reshade.photo.name) == {"FINISHED"}
+    kept = scene.reshade.photo.reshade_highlights
+    with_scene = error(values(kept.result, load), matt)
+    assert with_scene < 0.35 * error(photo, matt)
+    bpy.ops.reshade.remove_highlights(image=scene.reshade.photo.name, use_scene=False)
+    assert kept.result is None or with_scene < 0.7 * error(values(kept.result, load), matt)
+
+
+def test_the_command_takes_a_solved_scene(solved, load, tmp_path, capfd):
+    _, photo, matt = solved
+    load("reshade_addon.blend_file").save_blend(tmp_path / "o.blend")
+    cli, io = load("reshade_addon.cli"), load("reshade_addon.photo_io")
+    given = ["dehighlight", str(tmp_path / "photo.exr"), "--output", str(tmp_path / "d.exr")]
+    assert cli.main([*given, "--scene", str(tmp_path / "o.blend")]) == 0
+    assert "Floor: specular" in capfd.readouterr().out
+    assert error(io.read_linear(tmp_path / "d.exr"), matt) < 0.35 * error(photo, matt)
+    assert cli.main([*given, "--scene", str(tmp_path / "o.blend"), "--method", "lee"]) == 2
+    assert "Leave out" in capfd.readouterr().err
+
+
+def test_a_scene_without_a_reference_state_is_refused(tabletop, load, tmp_path, capfd):
+    load("reshade_addon.photo_io").write_picture(tmp_path / "photo.exr", np.full((72, 96, 3), 0.4))
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "s.blend"), copy=True)
+    given = ["dehighlight", str(tmp_path / "photo.exr"), "--output", str(tmp_path / "d.exr")]
+    assert load("reshade_addon.cli").main([*given, "--scene", str(tmp_path / "s.blend")]) == 2
+    assert "no reference state" in capfd.readouterr().err
+    assert not (tmp_path / "d.exr").exists()
+
+
+def test_a_large_photo_is_solved_small_and_enlarged(solved, load, monkeypatch):
+    scene, photo, matt = solved
+    module, drain = load("reshade_addon.highlights_scene"), load("reshade_addon.progress").drain
+    monkeypatch.setattr(module, "PIXELS", 48 * 36)
+    picture = load("core.types").Photo(photo, np.zeros(photo.shape[:2], dtype=bool))
+    found = drain(module.split_scene(scene, picture)).split
+    assert found.diffuse.shape == photo.shape
+    assert error(found.diffuse, matt) < 0.5 * error(photo, matt)
