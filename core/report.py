@@ -71,7 +71,7 @@ def _light(light: Light, name: str, sure: Uncertainty | None) -> dict[str, objec
         case PointLight():
             power = power_from_intensity(light.intensity)
             out |= {"type": "POINT", "centre": _list(light.centre), "normal": [0.0, 0.0, -1.0]}
-            out |= {"intensity": _list(light.intensity)}
+            out |= {"intensity": _list(light.intensity), "radius": light.radius}
         case SunLight():
             power = light.irradiance
             out |= {"type": "SUN", "normal": _list(light.normal), "angle": light.angle}

@@ -11,17 +11,19 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .camera import project
 from .cues import GRID, Line
 from .light_problem import Hidden
 from .lights import across, facing, shading
 from .samples import first
-from .types import AreaLight, Array, Buffers, Camera, Light, PointLight, Samples, SunLight, Visible
+from .types import SUN_ANGLE, AreaLight, Array, Buffers, Camera, Light, PointLight, Samples, SunLight, Visible
 from .visibility import visible_fraction
 
 _DISTANCES = (0.6, 1.0, 1.6, 2.5, 4.5, 10.0, 25.0)  # of the scene's extent
-_SIDES, _SIDE_RAYS = (0.02, 0.05, 0.15), 16  # of the distance: they grow to what a penumbra asks more surely than shrink
+_SIDES, _SIDE_RAYS = (0.02, 0.05, 0.15), 16  # of the distance: sides grow to what a penumbra asks, and seldom shrink
+_ANGLES = (SUN_ANGLE, 0.04, 0.12)  # of a sun, chosen the same way
 _APART = np.radians(15.0)  # grid nodes closer than this, at a similar distance, lead to the same place
 _APART_REFINED = np.radians(4.0)
 _FACTOR_APART = 1.8  # of distance
@@ -121,8 +123,8 @@ def _near_starts(
     starts = []
     for score, cue, centre in _distinct(refined, count, middle, _APART_REFINED):
         sides = np.array(_SIDES) * float(np.linalg.norm(centre - middle))
-        light = min((facing(centre, middle, side) for side in sides), key=lambda area: judge.score(area, _SIDE_RAYS))
-        starts.append(Start(light, _named(judge, PointLight(centre, np.ones(3)), cue, score), score))
+        area = min((facing(centre, middle, side) for side in sides), key=lambda one: judge.score(one, _SIDE_RAYS))
+        starts.append(Start(area, _named(judge, PointLight(centre, np.ones(3)), cue, score), score))
     return starts
 
 
@@ -134,7 +136,8 @@ def _sun_starts(judge: Judge, quick: Judge, lines: Sequence[Line], count: int) -
         refined.append((*_refined_sun(judge, way), cue))
     starts = []
     for score, cue, way in _distinct([(s, cue, way) for s, way, cue in refined], count, origin, _SUN_FIRST_STEP / 2):
-        sun = SunLight(-way, np.ones(3))
+        wide = [SunLight(-way, np.ones(3), angle) for angle in _ANGLES]
+        sun = min(wide, key=lambda one: judge.score(one, _SIDE_RAYS))
         starts.append(Start(sun, _named(judge, sun, cue, score), score))
     return starts
 
@@ -202,12 +205,12 @@ def in_view(light: Light, camera: Camera, buffers: Buffers) -> bool:
 
 
 def _two_terms(
-    direct: Array, ambient: Array, y: Array, weight: Array, surface: Array, count: int
+    direct: Array, ambient: Array, y: Array, weight: Array, surface: NDArray[np.int32], count: int
 ) -> tuple[Array, Array]:
     """`light_problem.two_terms` of all surfaces at once: (S,) factors of direct and of ambient, none negative."""
 
     def total(value: Array) -> Array:
-        return np.bincount(surface, weight * value, count)
+        return np.asarray(np.bincount(surface, weight * value, count), dtype=np.float64)
 
     dd, aa, da = total(direct * direct), total(ambient * ambient), total(direct * ambient)
     dy, ay = total(direct * y), total(ambient * y)

@@ -111,10 +111,11 @@ def _on_disc(light: PointLight | SunLight, point: Array, at: Array, far: float) 
     at : (N, K, 2) in the unit square; 0 is the disc's middle
     """
     if isinstance(light, SunLight):
-        middle, radius, axis = point - far * light.normal, far * np.tan(light.angle / 2), light.normal
+        middle, radius = point - far * light.normal, far * np.tan(light.angle / 2)
+        u, v = across(light.normal)
     else:
-        middle, radius, axis = np.broadcast_to(light.centre, point.shape), light.radius, None
-    u, v = across(axis) if axis is not None else _across_all(light.centre - point)
+        middle, radius = np.broadcast_to(light.centre, point.shape), light.radius
+        u, v = _across_all(light.centre - point)
     r, turn = radius * np.sqrt(at[..., :1]), 2 * np.pi * at[..., 1:]
     return middle[:, None] + r * (np.cos(turn) * u[..., None, :] + np.sin(turn) * v[..., None, :])
 

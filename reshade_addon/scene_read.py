@@ -229,7 +229,7 @@ def read_light(obj: bpy.types.Object) -> Light:
     if getattr(data, "use_temperature", False):
         emitted = emitted * np.array(data.temperature_color)
     if data.type == "POINT":
-        return PointLight(matrix[:3, 3].copy(), intensity_from_power(emitted))
+        return PointLight(matrix[:3, 3].copy(), intensity_from_power(emitted), data.shadow_soft_size)
     if data.type == "SUN":
         return SunLight(-axes[:, 2], emitted, data.angle)
     if data.type != "AREA" or data.shape not in ("SQUARE", "RECTANGLE"):

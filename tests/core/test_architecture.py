@@ -13,15 +13,17 @@ ROOT = Path(__file__).resolve().parents[2]
 # stand on.
 STAGES = (
     ("errors", "types"),
-    ("camera", "color", "form_factor", "fresnel", "highlights", "light_units"),
+    ("camera", "color", "form_factor", "fresnel", "light_units"),
     ("lights", "reflectance", "sensor"),
     ("specular_area", "visibility"),
-    ("albedo_map", "interreflection", "noise", "reshade", "samples"),
+    ("albedo_map", "highlights", "interreflection", "noise", "progress", "reshade", "samples"),
     ("light_problem",),
     ("cues",),
     ("starts",),
-    ("light_fit",),
+    ("gloss", "light_fit"),
+    ("model_choice",),
     ("radiometric", "thesis_minimisers", "uncertainty"),
+    ("light_search", "materials"),
     ("pipeline",),
     ("report",),
 )
