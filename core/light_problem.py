@@ -24,7 +24,7 @@ _VISIBILITY_STEP = {
     SunLight: np.array([0.01] * 2 + [-0.3]),
 }
 _PROBED = 0.024  # of the reach, for each smallest step that a probe is wide: how far it moves a light's edges
-_LEAST_MARGIN = 0.06  # of the reach: what is known near a light serves for a few steps
+_LEAST_MARGIN = 0.04  # of the reach: what is known near a light serves for a few steps
 _FEW_RAYS = 8  # a sample: fewer cost less than to find out which samples need none
 WIDEST_PROBE = 5.0  # times that: as far as a shadow is looked for from where it is
 _NO_STRENGTH = 1e-300  # of a surface that the light does not reach
@@ -142,7 +142,7 @@ def linear_start(problem: Problem, shade: Array) -> tuple[Array, Array]:
                 ratios.append(found[1:] / found[0])
                 trust.append(samples.weight[of].sum())
         for k in range(len(around) if ratios else 0):
-            around[k] = _weighted_median(np.array(ratios)[:, k], np.array(trust))
+            around[k] = weighted_quantile(np.array(ratios)[:, k], np.array(trust), 0.5)
     full = shade + problem.around @ around
     up = np.bincount(samples.surface, samples.weight * full * y, surfaces)
     down = np.bincount(samples.surface, samples.weight * full**2, surfaces)
@@ -151,17 +151,25 @@ def linear_start(problem: Problem, shade: Array) -> tuple[Array, Array]:
 
 
 def expected_residual(problem: Problem, state: State) -> Array:
-    """Compute each sample's expected residual (N,): its surface's spread, as a standard deviation.
+    """Compute each sample's expected residual (N,): its surface's spread and its shadow rays', a standard deviation.
 
-    The spread is read off the residual that one sample in ten exceeds. The median would call every penumbra of a
+    The spread is read off the residual that one pixel in ten exceeds. The median would call every penumbra of a
     clean photo an outlier, and the mean square would follow the outliers of a real one.
     """
-    residual = np.abs(state.residual(problem))
+    samples, residual = problem.samples, np.abs(state.residual(problem))
     out = np.full(len(residual), _SMALLEST_SPREAD * max(float(np.median(np.abs(problem.brightness))), 1e-12))
-    for s in np.unique(problem.samples.surface):
-        of = problem.samples.surface == s
-        out[of] = np.maximum(out[of], np.quantile(residual[of], 0.9) / 1.6449)
-    return out
+    for s in np.unique(samples.surface):
+        of = samples.surface == s
+        out[of] = np.maximum(out[of], weighted_quantile(residual[of], samples.weight[of], 0.9) / 1.6449)
+    lit = np.exp(state.log_c)[samples.surface] * state.shade
+    return np.sqrt(out**2 + lit**2 * state.share * (1 - state.share) / problem.rays)
+
+
+def weighted_quantile(values: Array, weights: Array, share: float) -> float:
+    """The value (N,) that `share` of the weights (N,) stay at or below."""
+    order = np.argsort(values)
+    total = np.cumsum(weights[order])
+    return float(values[order][min(np.searchsorted(total, share * total[-1]), len(values) - 1)])
 
 
 def cost(problem: Problem, state: State, expected: Array) -> float:
@@ -242,9 +250,3 @@ def several_terms(terms: Array, y: Array, weight: Array) -> Array:
     if there.any():
         out[there] = nnls(root[:, None] * terms[:, there] / size[there], root * y)[0] / size[there]
     return out
-
-
-def _weighted_median(values: Array, weights: Array) -> float:
-    order = np.argsort(values)
-    total = np.cumsum(weights[order])
-    return float(values[order][np.searchsorted(total, 0.5 * total[-1])])

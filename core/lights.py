@@ -107,6 +107,12 @@ def facing(centre: Array, target: Array, side: float) -> AreaLight:
     return AreaLight(np.asarray(centre, dtype=np.float64), u, v, np.array([side, side]), np.ones(3))
 
 
+def incidence(light: Light, points: Array, normals: Array) -> Array:
+    """Compute the cosine (N,) between unit normals (N, 3) at points (N, 3) and the direction to a light's centre."""
+    away = -light.normal + 0.0 * points if isinstance(light, SunLight) else light.centre - points
+    return np.einsum("ij,ij->i", away, normals) / np.linalg.norm(away, axis=1)
+
+
 def resized(light: AreaLight) -> list[AreaLight]:
     """Squares about a light's centre, smaller and larger, and rolled by an eighth turn.
 
