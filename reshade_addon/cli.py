@@ -14,8 +14,10 @@ from pathlib import Path
 from typing import Any
 
 import bpy
+import numpy as np
 
 from ..core.errors import ReshadeError
+from ..core.materials import Card
 from ..core.types import AreaLight, Photo, Progress
 from . import dehighlight, photo_image, photo_io, reference, scene_write, solving
 from .blend_file import open_blend, save_blend
@@ -51,7 +53,7 @@ def _estimate(arguments: argparse.Namespace, console: Console) -> tuple[int, str
 
 def _solve(arguments: argparse.Namespace, console: Console) -> tuple[int, str]:
     def begin(scene: bpy.types.Scene, photo: Photo) -> Steps:
-        return solving.solve_materials(scene, photo, quality=arguments.quality)
+        return solving.solve_materials(scene, photo, quality=arguments.quality, card=_card(arguments.white_card))
 
     return _explain(arguments, console, begin)
 
@@ -109,8 +111,26 @@ def _summary(found: dict[str, Any]) -> str:
         where = "" if light["type"] == "SUN" else " at " + ", ".join(f"{x:.3g}" for x in light["centre"])
         unit = "W/m^2" if light["type"] == "SUN" else "W"
         lines.append(f"{light['name']}: {light['type'].lower()}, {light['energy']:.4g} {unit}{where}")
-    lines += [f"{name}: albedo " + ", ".join(f"{x:.3f}" for x in s["albedo"]) for name, s in found["surfaces"].items()]
+    for name, surface in found["surfaces"].items():
+        line = f"{name}: albedo " + ", ".join(f"{x:.3f}" for x in surface["albedo"])
+        if surface["specular"] > 0:
+            line += f", specular {surface['specular']:.2f}, roughness {surface['roughness']:.2f}"
+        lines.append(line)
     return "\n".join([*lines, *found["warnings"]])
+
+
+def _card(text: str | None) -> Card | None:
+    """The card of `MATERIAL[=0.9]`."""
+    if not text:
+        return None
+    name, _, value = text.partition("=")
+    try:
+        reflectance = float(value or 0.9)
+    except ValueError:
+        reflectance = -1.0
+    if not 0 < reflectance <= 1:
+        raise ReshadeError(f"The reflectance '{value}' of the white card is not between 0 and 1", "Write MATERIAL=0.9")
+    return Card(name, np.full(3, reflectance))
 
 
 def _take_start(scene: bpy.types.Scene, name: str) -> AreaLight:
@@ -185,6 +205,9 @@ def _parser() -> argparse.ArgumentParser:
         sub.add_argument("--output", metavar="O.blend", help="the scene with its light and materials")
         sub.add_argument("--report", metavar="R.json", help="what was found, and how sure it is")
         sub.add_argument("--residual", metavar="R.png", help="the photo less the scene's render, as a picture")
+    solve.add_argument(
+        "--white-card", metavar="MATERIAL[=0.9]", help="a material of known reflectance, which gives the true scale"
+    )
     estimate.add_argument("--model", choices=MODELS, default="auto", help="kind of light")
     estimate.add_argument("--start", metavar="NAME", help="an area light of the scene to start from; it is replaced")
     render_parser = command("render", _render, "the photo as the scene's edits change it")

@@ -93,8 +93,15 @@ class RESHADE_PT_materials(_Step, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         """The button, and the colours that were found."""
         layout = self.layout
+        choices = context.scene.reshade
+        column = layout.column()
+        column.use_property_split = True
+        column.use_property_decorate = False
+        column.prop(choices, "card")
+        if choices.card:
+            column.prop(choices, "card_albedo")
         _button(layout, context, RESHADE_OT_solve_materials, "MATERIAL")
-        found = context.scene.reshade.found()
+        found = choices.found()
         if found:
             column = layout.column(align=True)
             for name, surface in found["surfaces"].items():

@@ -10,6 +10,7 @@ import bpy
 import numpy as np
 
 from ..core.errors import NothingToLearn, ReshadeError
+from ..core.materials import Card
 from ..core.pipeline import estimate, solve
 from ..core.report import to_dict
 from ..core.types import AreaLight, Array, Buffers, Estimate, Light, Photo, Progress
@@ -75,9 +76,12 @@ def estimate_light(
     return (yield from _completed(scene, photo, solution, reading, began))
 
 
-def solve_materials(scene: bpy.types.Scene, photo: Photo, *, quality: str) -> Generator[Progress, None, Solution]:
+def solve_materials(
+    scene: bpy.types.Scene, photo: Photo, *, quality: str, card: Card | None = None
+) -> Generator[Progress, None, Solution]:
     """Solve strengths and materials with the scene's lights where they are. The scene is left as it is.
 
+    card : a material whose albedo is known
     Raises ReshadeError where the scene or the photo cannot be used, or the scene has no light.
     """
     began = perf_counter()
@@ -87,7 +91,8 @@ def solve_materials(scene: bpy.types.Scene, photo: Photo, *, quality: str) -> Ge
     lights = [read_light(obj) for obj in objects]
     view, buffers = yield from _read(scene, photo, quality)
     reading = perf_counter() - began
-    steps = solve(photo, view.camera, buffers, view.caster.visible, lights, quality=quality)
+    meet = meets(view, buffers.names)
+    steps = solve(photo, view.camera, buffers, view.caster.visible, lights, meets=meet, quality=quality, card=card)
     result = yield from part(steps, READ, SOLVED)
     solution = Solution(result, quality, view, tuple(obj.name for obj in objects))
     return (yield from _completed(scene, photo, solution, reading, began))
@@ -131,7 +136,8 @@ def _completed(
         yield Progress(0.85, "Copying the scene")
         with unpacked(packed(scene)) as copy:
             _put(copy, solution, None)
-            steps = albedo_texture(copy.scene, photo, view, buffers, solution.estimate.surfaces, solution.quality)
+            surfaces = solution.estimate.surfaces
+            steps = albedo_texture(copy.scene, photo, view, buffers, surfaces, copy.materials, solution.quality)
             texture = yield from part(steps, 0.85, 1.0)
         solution = replace(solution, texture=texture)
     seconds = {"read": reading, **solution.estimate.seconds, "total": perf_counter() - began}

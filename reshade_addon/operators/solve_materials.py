@@ -3,7 +3,9 @@
 from collections.abc import Generator
 
 import bpy
+import numpy as np
 
+from ...core.materials import Card
 from ...core.types import Progress
 from .. import missing, solving
 from ..jobs import Job
@@ -25,8 +27,10 @@ class RESHADE_OT_solve_materials(Job, bpy.types.Operator):
 
     def steps(self, context: bpy.types.Context) -> Generator[Progress, None, solving.Solution]:
         """Solve; the scene stays as it is."""
-        photo = read_image(context.scene.reshade.photo)
-        return (yield from solving.solve_materials(context.scene, photo, quality=context.scene.reshade.quality))
+        choices = context.scene.reshade
+        card = Card(choices.card.name, np.full(3, choices.card_albedo)) if choices.card else None
+        photo = read_image(choices.photo)
+        return (yield from solving.solve_materials(context.scene, photo, quality=choices.quality, card=card))
 
     def finish(self, context: bpy.types.Context, result: solving.Solution) -> str:
         """Put strengths and materials into the scene."""

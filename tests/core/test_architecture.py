@@ -16,7 +16,7 @@ STAGES = (
     ("camera", "color", "form_factor", "fresnel", "light_units"),
     ("lights", "reflectance", "sensor"),
     ("specular_area", "visibility"),
-    ("albedo_map", "highlights", "interreflection", "noise", "progress", "reshade", "samples"),
+    ("albedo_map", "highlights", "interreflection", "noise", "progress", "reshade", "samples", "segmentation"),
     ("light_problem",),
     ("cues",),
     ("starts",),

@@ -1,0 +1,160 @@
+"""How good reshaded photos are: edits made to the explained scene and to the true one, which Cycles renders.
+
+    python -m reshade.bench.relight FOLDER [--seeds 1,2] [--kinds NAME ...] [--known] [--pictures FOLDER]
+
+Edits: the light on the other side and at half its strength; a surface of another colour; an object added. PSNR of the
+sRGB-encoded pictures, and relative RMSE of the linear ones, each beside that of the photo scaled to the right mean.
+--known : the scene has its true lights; only strengths and materials are solved
+"""
+
+import argparse
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import bpy
+import numpy as np
+from mathutils import Matrix
+
+from ..core.color import linear_to_srgb
+from ..core.lights import with_strength
+from ..core.types import Array
+from ..demo_blend import scene as blender
+from ..reshade_addon import photo_image, register, solving, unregister
+from ..reshade_addon.blend_file import open_blend
+from ..reshade_addon.photo_io import read_photo, write_encoded
+from ..reshade_addon.progress import drain
+from ..reshade_addon.rendering import render
+from ..reshade_addon.reshading import reshade
+from ..reshade_addon.scene_read import read_light
+from ..reshade_addon.scene_write import colour_socket, write_light
+from . import scene_parts as parts
+from .run import line
+from .scenes import AIM, photo_path, scene_folder
+
+SAMPLES, TRUE_SAMPLES = 64, 192
+TINT = np.array([0.5, 0.8, 1.15])  # of the recoloured surface's albedo
+KINDS = (
+    *("tabletop", "tabletop, low ambient", "tabletop, interreflected", "textured", "two albedos", "glossy", "softbox"),
+    *("sun", "sun and sky", "room", "millimetres", "1 % noise", "8 bits, clipped"),
+)
+COLUMNS = ("scene", "seed", "edit", "PSNR dB", "over the scaled photo dB", "RMSE %", "scaled photo's RMSE %")
+
+
+def move_and_dim(scene: bpy.types.Scene, unit: float) -> None:
+    """Carry the first light to the other side of the scene, at half its strength."""
+    lights = [obj for obj in scene.objects if obj.type == "LIGHT" and not obj.hide_render]
+    light = min(lights, key=lambda obj: obj.name)
+    aim = Matrix.Translation((unit * AIM).tolist())
+    light.matrix_world = aim @ Matrix.Rotation(np.pi, 4, "Z") @ aim.inverted() @ light.matrix_world
+    light.data.energy *= 0.5
+
+
+def recolour(_scene: bpy.types.Scene, _unit: float) -> None:
+    """Tint the surface that the photo shows most of."""
+    name = next(n for n in ("table", "room floor", "floor") if n in bpy.data.materials)
+    material = bpy.data.materials[name]
+    socket = colour_socket(material)
+    if socket is None:
+        return
+    if not socket.is_linked:
+        socket.default_value = (*np.clip(np.array(socket.default_value[:3]) * TINT, 0, 1), 1.0)
+        return
+    tree, source = material.node_tree, socket.links[0].from_socket
+    tint = tree.nodes.new("ShaderNodeVectorMath")
+    tint.operation = "MULTIPLY"
+    tint.inputs[1].default_value = TINT
+    tree.links.new(source, tint.inputs[0])
+    tree.links.new(tint.outputs[0], socket)
+
+
+def add_object(scene: bpy.types.Scene, unit: float) -> None:
+    """Stand a ball in the middle."""
+    material = blender.matt("added", (0.7, 0.35, 0.15))
+    parts.solid(scene, "small sphere", np.zeros(2), 0.6, 0.0, unit, material)
+
+
+EDITS: dict[str, Callable[[bpy.types.Scene, float], None]] = {
+    "moved, dimmed": move_and_dim,
+    "recoloured": recolour,
+    "object added": add_object,
+}
+
+
+def measure(folder: Path, known: bool, pictures: Path | None) -> dict[str, dict[str, float]]:
+    """Errors of each edit of one scene."""
+    truth = json.loads((folder / "truth.json").read_text())
+    unit = truth["scene_scale"]
+    true = {}
+    for name, edit in EDITS.items():
+        scene = open_blend(folder / "true.blend")
+        lights = [read_light(obj) for obj in scene.objects if obj.type == "LIGHT"]
+        edit(scene, unit)
+        true[name] = drain(render(scene, TRUE_SAMPLES, seed=7))
+    scene, photo = open_blend(folder / "scene.blend"), read_photo(photo_path(folder))
+    bounces = truth["bounces"]
+    scene.cycles.max_bounces = scene.cycles.diffuse_bounces = scene.cycles.glossy_bounces = bounces
+    if known:
+        for light in lights:
+            write_light(scene, with_strength(light, np.ones(3)))
+        solution = drain(solving.solve_materials(scene, photo, quality="standard"))
+    else:
+        solution = drain(solving.estimate_light(scene, photo, quality="standard", model="auto"))
+    solving.apply(scene, photo_image.load_image(photo_path(folder)), solution)
+    explained = folder / "explained.blend"
+    bpy.ops.wm.save_as_mainfile(filepath=str(explained))
+    out = {}
+    for name, edit in EDITS.items():
+        scene = open_blend(explained)
+        edit(scene, unit)
+        result = drain(reshade(scene, photo, SAMPLES))
+        scaled = photo.linear * true[name].mean() / photo.linear.mean()
+        errors, usual = _errors(result, true[name]), _errors(scaled, true[name])
+        out[name] = {"psnr": errors[0], "rmse": errors[1], "over": errors[0] - usual[0], "usual": usual[1]}
+        if pictures:
+            row = np.concatenate([photo.linear, result, true[name], np.abs(result - true[name]) * 5], axis=1)
+            write_encoded(pictures / f"{folder.name}-{name.replace(' ', '-').replace(',', '')}.png", _encoded(row))
+    return out
+
+
+def _encoded(linear: Array) -> Array:
+    return linear_to_srgb(np.clip(linear, 0.0, 1.0))
+
+
+def _errors(picture: Array, true: Array) -> tuple[float, float]:
+    """PSNR in dB and relative RMSE in %."""
+    square = float(np.mean((_encoded(picture) - _encoded(true)) ** 2))
+    return -10 * np.log10(max(square, 1e-12)), float(100 * np.sqrt(np.mean((picture - true) ** 2)) / true.mean())
+
+
+def main() -> None:
+    """Print a line of a table for each edit of each scene, then the medians."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--seeds", default="1,2")
+    parser.add_argument("--kinds", nargs="+", default=KINDS)
+    parser.add_argument("--known", action="store_true")
+    parser.add_argument("--pictures", type=Path)
+    chosen = parser.parse_args()
+    print(line(list(COLUMNS)) + "\n" + line(["---"] * len(COLUMNS)))
+    rows = []
+    register()
+    try:
+        for kind in chosen.kinds:
+            for seed in map(int, chosen.seeds.split(",")):
+                found = measure(scene_folder(chosen.folder, seed, kind), chosen.known, chosen.pictures)
+                for edit, e in found.items():
+                    rows.append(e)
+                    cells = [kind, str(seed), edit, f"{e['psnr']:.1f}", f"{e['over']:+.1f}", f"{e['rmse']:.1f}"]
+                    print(line([*cells, f"{e['usual']:.0f}"]), flush=True)
+    finally:
+        unregister()
+    values = {key: np.array([row[key] for row in rows]) for key in ("psnr", "over", "rmse")}
+    print(
+        f"\nPSNR: median {np.median(values['psnr']):.1f} dB, worst {values['psnr'].min():.1f} dB; "
+        f"over the scaled photo: least {values['over'].min():.1f} dB; RMSE: median {np.median(values['rmse']):.1f} %"
+    )
+
+
+if __name__ == "__main__":
+    main()
