@@ -63,7 +63,7 @@ def choose_samples(photo: Photo, camera: Camera, buffers: Buffers, count: int) -
         openness=np.ones(len(y)),
         names=buffers.names,
         lift=1e-3 * extent,
-        footprint=_footprint(camera, point, buffers.normal[y, x]),
+        footprint=_footprint(buffers, x, y),
     )
 
 
@@ -85,15 +85,25 @@ def extent_of(samples: Samples) -> tuple[Array, float]:
     return middle, float(np.percentile(np.linalg.norm(samples.point - middle, axis=1), 90))
 
 
-def _footprint(camera: Camera, point: Array, normal: Array) -> Array:
-    """What moves a ray through a pixel's centre by a pixel along its surface's tangent plane, (N, 2, 3) metres."""
-    away = point - camera.to_world[:3, 3]
-    depth = -(away @ camera.to_world[:3, 2])
-    # A pixel to the right or down moves the ray's end by this much across the view, and then on along the ray.
-    steps = np.stack([camera.to_world[:3, 0] / camera.focal[0], -camera.to_world[:3, 1] / camera.focal[1]])
-    across = depth[:, None, None] * steps
-    along = np.einsum("ikj,ij->ik", across, normal) / np.einsum("ij,ij->i", away, normal)[:, None]
-    return across - along[..., None] * away[:, None]
+def _footprint(buffers: Buffers, x: NDArray[np.intp], y: NDArray[np.intp]) -> Array:
+    """What a step of one pixel right and one down moves on a surface, (N, 2, 3) metres; 0 where that shows another.
+
+    Measured between neighbours, and not taken from the normal: a smooth normal is not that of the mesh's faces, and a
+    step along its plane may end inside.
+    """
+    height, width = buffers.surface.shape
+    out = np.zeros((len(x), 2, 3))
+    for axis, (right, down) in enumerate(((1, 0), (0, 1))):
+        steps = []
+        for way in (1, -1):
+            there = np.clip(y + way * down, 0, height - 1), np.clip(x + way * right, 0, width - 1)
+            same = (buffers.surface[there] == buffers.surface[y, x]) & ~buffers.mixed[there]
+            step = way * (buffers.point[there] - buffers.point[y, x]) / buffers.stride
+            steps.append(np.where(same[:, None], step, 0.0))
+        ahead, behind = (np.linalg.norm(step, axis=1, keepdims=True) for step in steps)
+        # The shorter: a longer one may lead over an edge that lies between two strides.
+        out[:, axis] = np.where((ahead > 0) & ((ahead <= behind) | (behind == 0)), steps[0], steps[1])
+    return out
 
 
 def _grown(mask: Mask) -> Mask:
