@@ -10,7 +10,7 @@ from ..types import Array, Mask, Progress
 from . import evidence as ev
 from .clipping import clipped_channels, continued
 from .illuminant import degrees_between, estimate
-from .products import Split
+from .products import SEEN, Split
 from .specular_free import parts
 
 LIGHT_SIDE = 400  # pixels of the longer side at which the light is estimated: it is one colour
@@ -22,6 +22,7 @@ OWN_COLOUR = (5.0, 12.0)  # degrees between light and surface: under the first, 
 FAR = (6.0, 12.0)  # degrees from the first estimate: above the second, what was found was no highlight
 ACCEPTED = 0.2  # share of the smallest channel that must be specular for a clipped pixel to be rebuilt
 BURNT = 0.02  # of the peak: what was found round a burnt-out spot reaches out to here
+FADES = 0.05  # of the peak: what is found beside a burnt-out spot, at least, if it is a highlight
 SOFT = 2  # pixels beside what clipped: lenses and codings smear it that far
 REACH = 4  # rows beyond a band that its filters see
 
@@ -47,9 +48,9 @@ def split(image: Array, usable: Mask | None = None) -> Generator[Progress, None,
     lit = unclipped(lit, working_clipped)
     certain = working_usable & ~working_clipped.any(axis=2)
     seen = ev.gather(lit, certain, ev.FINE)
-    burnt = (working_clipped.sum(axis=2) >= 2) & working_usable
+    burnt = _large((working_clipped.sum(axis=2) >= 2) & working_usable)
     broad = ev.gather(lit, certain, ev.BROAD, 2 * ev.STRIDE) if burnt.any() else None
-    round_burnt = _around(burnt, ev.whole(broad, lit) > BURNT * broad.peak) if broad else None
+    round_burnt = _around(burnt, ev.whole(broad, lit) / broad.peak) if broad else None
     diffuse, specular = np.empty_like(image), np.empty_like(image)
     height, width = usable.shape
     rows_each = max(BAND // width, 1)
@@ -89,11 +90,13 @@ def split(image: Array, usable: Mask | None = None) -> Generator[Progress, None,
 def _continue_burnt(diffuse: Array, specular: Array, clipped: Mask, usable: Mask) -> None:
     """Continue the diffuse part, in place, from the border of each highlight that burnt out two channels or more."""
     hole = ndimage.binary_dilation(clipped.sum(axis=2) >= 2, iterations=SOFT) & usable
-    hole &= specular.min(axis=2) > 0
+    seen = SEEN * max(float(specular.max()), float(diffuse.max()))
     labels, _ = ndimage.label(hole)
     for number, box in enumerate(ndimage.find_objects(labels), start=1):
         around = tuple(slice(max(side.start - 1, 0), side.stop + 1) for side in box)
-        diffuse[around] = continued(diffuse[around], labels[around] == number)
+        own = labels[around] == number
+        if np.mean(specular[around][own].max(axis=1) > seen) > 0.5:  # else it is white paint, but for its edge
+            diffuse[around] = continued(diffuse[around], own)
 
 
 def light_colour(image: Array, usable: Mask) -> Array:
@@ -128,10 +131,29 @@ def light_colour(image: Array, usable: Mask) -> Array:
     return light / light.max()
 
 
-def _around(burnt: Mask, found: Mask) -> Array:
-    """Share (H, W) of 1 where something found is connected to what burnt out, fading at its edge."""
-    labels, _ = ndimage.label(found | burnt)
-    own = np.unique(labels[burnt])
+def _large(burnt: Mask) -> Mask:
+    """The burnt-out spots (H, W) among which a highlight may be larger than the fine scale's."""
+    labels, count = ndimage.label(burnt)
+    if count == 0:
+        return burnt
+    radius = ndimage.maximum(ndimage.distance_transform_edt(burnt), labels, np.arange(1, count + 1))
+    large = np.flatnonzero(radius > 0.5 * ev.FINE.largest * max(burnt.shape)) + 1
+    return np.asarray(np.isin(labels, large))
+
+
+def _around(burnt: Mask, found: Array) -> Array:
+    """Share (H, W) of 1 where something found (of the peak) is connected to what burnt out, fading at its edge.
+
+    A highlight fades before it ends; white paper that burnt out has an edge, and nothing is found beside it.
+    """
+    spots, count = ndimage.label(burnt)
+    distance, nearest = ndimage.distance_transform_edt(~burnt, return_indices=True)
+    ring = (distance > SOFT) & (distance <= 2 * SOFT + 1)
+    owner = spots[tuple(nearest)][ring]
+    beside = np.bincount(owner, found[ring], count + 1) / np.maximum(np.bincount(owner, minlength=count + 1), 1)
+    fades = np.flatnonzero(beside > FADES)
+    labels, _ = ndimage.label((found > BURNT) | burnt)
+    own = np.unique(labels[np.isin(spots, fades) & burnt])
     return ndimage.gaussian_filter(np.isin(labels, own[own > 0]).astype(np.float64), 1.0)
 
 

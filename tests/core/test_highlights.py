@@ -127,6 +127,27 @@ def test_what_was_clipped_is_rebuilt(light) -> None:
     assert left < 0.45
 
 
+def test_a_wide_highlight_that_burns_out_is_filled_from_its_border() -> None:
+    y, x = np.mgrid[:140, :140] / 70 - 1
+    shade = 0.3 + 0.7 * np.sqrt(np.maximum(1 - x**2 / 1.1, 0))
+    paint = np.broadcast_to([0.6, 0.05, 0.05], (140, 140, 3)).copy()
+    paint[np.abs(y) < 0.2] = [0.06, 0.1, 0.5]
+    diffuse = shade[..., None] * paint
+    image = np.clip(diffuse + 1.3 * np.exp(-((x / 0.18) ** 2))[..., None], 0, 0.9)
+    assert (image.min(axis=2) == 0.9).mean() > 0.08
+    found = found_in(image)
+    left = np.sqrt(np.mean((found.diffuse - diffuse) ** 2) / np.mean((image - diffuse) ** 2))
+    assert left < 0.35
+
+
+def test_burnt_out_white_paper_is_no_highlight() -> None:
+    rng = np.random.default_rng(5)
+    image = np.full((140, 140, 3), [0.5, 0.3, 0.2]) * (1 + 0.02 * rng.standard_normal((140, 140, 1)))
+    image[40:100, 50:110] = 1.0
+    found = found_in(image)
+    assert np.abs(found.diffuse - image).mean() < 2e-3 * image.mean()
+
+
 def test_a_filled_hole_keeps_the_edge_that_runs_into_it() -> None:
     values = np.zeros((30, 30, 1))
     values[:, 15:] = 1
