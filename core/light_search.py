@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from .cues import diffuse_maxima, grid, highlights, terminators
+from .hints import Hint, hinted_lines, turned
 from .interreflection import Surroundings, gather, patch_radiance, usual_radiance
 from .light_fit import LightFit, fit_light, search_light
 from .light_problem import Problem, brightness
@@ -138,11 +139,19 @@ def asked(sight: Sight, samples: Samples) -> Generator[Progress, None, Asked]:
 
 
 def search(
-    sight: Sight, samples: Samples, effort: Effort, *, model: str, start: AreaLight | None, solver: str
+    sight: Sight,
+    samples: Samples,
+    effort: Effort,
+    *,
+    model: str,
+    start: AreaLight | None,
+    solver: str,
+    hints: Sequence[Hint] = (),
 ) -> Generator[Progress, None, Searched | None]:
     """Search for the one light that explains the samples; None where no place for a light explains any of them.
 
     model : one of MODELS; solver : one of SOLVERS; start : an initial light instead of those the cues give
+    hints : what the user says of the light; they give and constrain starts, not fits
     """
     here = yield from shifted(asked(sight, first(samples, effort.search_total)), 0.0, 0.1)
     found: tuple[Start, ...] = ()
@@ -152,7 +161,7 @@ def search(
         suns = [SunLight((sight.middle - start.centre) / np.linalg.norm(sight.middle - start.centre), np.ones(3))]
     else:
         yield Progress(0.1, "Looking for where the light may be")
-        found = _starts(sight, here.samples, effort, model)
+        found = _starts(sight, here.samples, effort, model, hints)
         if not found:
             return None
         initial = [entry.light for entry in found if isinstance(entry.light, AreaLight)]
@@ -195,19 +204,29 @@ def _polish(problem: Problem, light: Light, effort: Effort) -> Generator[float, 
     return fit_light(problem, light, iterations=8, tolerance=effort.tolerance)
 
 
-def _starts(sight: Sight, samples: Samples, effort: Effort, model: str) -> tuple[Start, ...]:
+def _starts(sight: Sight, samples: Samples, effort: Effort, model: str, hints: Sequence[Hint]) -> tuple[Start, ...]:
     looked_at = first(samples, effort.refine_samples)
     level = brightness(looked_at)
     seen = [*diffuse_maxima(looked_at, level), *terminators(looked_at, level), *highlights(looked_at, level)]
-    return find_starts(
+    near, sky = [*grid(sight.middle, effort.directions), *seen], [*grid(sight.middle, 4 * effort.directions), *seen]
+    if hints:
+        about = sight.camera, sight.buffers, sight.middle, sight.extent
+        near, sky = hinted_lines(hints, near, *about), hinted_lines(hints, sky, *about)
+    found = find_starts(
         Judge(looked_at, level, sight.visible, sight.extent, sight.far),
         sight.hidden,
-        [*grid(sight.middle, effort.directions), *seen],
-        [*grid(sight.middle, 4 * effort.directions), *seen],
+        near,
+        sky,
         count=effort.starts if model != "sun" else 0,
         suns=effort.suns if model in ("auto", "sun") else 0,
         search_samples=effort.search_samples,
         middle=sight.middle,
+    )
+    return tuple(
+        replace(one, light=turned(one.light, hints, sight.buffers, sight.middle))
+        if isinstance(one.light, AreaLight)
+        else one
+        for one in found
     )
 
 

@@ -11,6 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from .color import linear_to_srgb
+from .hints import Hint
 from .light_search import Effort, asked, look, search
 from .lights import reach_of, shading, with_strength
 from .materials import Bounces, Card, Materials, solve_materials, unseen_light
@@ -29,6 +30,7 @@ from .types import (
     Progress,
     Samples,
     Surface,
+    Tried,
     Uncertainty,
     Visible,
 )
@@ -60,12 +62,13 @@ def estimate(
     model: str = "auto",
     start: AreaLight | None = None,
     solver: str = "trust-region",
+    hints: Sequence[Hint] = (),
 ) -> Generator[Progress, None, Estimate]:
     """Estimate one light and the materials from a photo.
 
     meets : rays to the geometry; without them there is no interreflection in the model
     quality : one of QUALITIES; model : one of MODELS; start : an initial light instead of those the cues give
-    solver : one of SOLVERS
+    solver : one of SOLVERS; hints : what the user says of the light
     Raises NothingToLearn where the photo shows too little of the geometry. A photo that no light explains gives a falsy
     Estimate whose message says so.
     """
@@ -73,7 +76,7 @@ def estimate(
     yield Progress(0.0, "Choosing samples")
     sight, samples = look(photo, camera, buffers, visible, meets, effort.samples)
     clock.mark("samples")
-    steps = search(sight, samples, effort, model=model, start=start, solver=solver)
+    steps = search(sight, samples, effort, model=model, start=start, solver=solver, hints=hints)
     found = yield from shifted(steps, 0.0, 0.9)
     if found is None:
         return _failed("No place for a light explains any of the shading: check the camera and the geometry", clock)
@@ -94,6 +97,7 @@ def estimate(
         found.candidates,
         clock,
     )
+    result = replace(result, starts=tuple(Tried(entry.cue, entry.score) for entry in found.starts))
     if not found.fit.converged:
         result = replace(result, warnings=(*result.warnings, "The fit was still improving when it stopped."))
     return result

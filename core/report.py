@@ -47,6 +47,7 @@ def to_dict(estimate: Estimate, quality: str, light_names: Sequence[str]) -> dic
         "model": {
             "chosen": estimate.chosen,
             "candidates": [{"name": c.name, "score": c.score, "seconds": c.seconds} for c in estimate.candidates],
+            "starts": [{"cue": start.cue, "score": start.score} for start in estimate.starts],
         },
         "scale": estimate.scale,
         "warnings": [*([estimate.message] if estimate.message else []), *estimate.warnings],

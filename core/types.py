@@ -162,6 +162,14 @@ class Candidate:
 
 
 @dataclass(frozen=True, slots=True)
+class Tried:
+    """A start of the search: the cue that made it, and what it left unexplained (lower is better)."""
+
+    cue: str
+    score: float
+
+
+@dataclass(frozen=True, slots=True)
 class Estimate:
     """Light and materials recovered from a photo.
 
@@ -181,6 +189,7 @@ class Estimate:
     message: str = ""
     warnings: tuple[str, ...] = ()
     seconds: dict[str, float] = field(default_factory=dict)
+    starts: tuple[Tried, ...] = ()  # best first; none where lights were given
 
     def __bool__(self) -> bool:
         return not self.message

@@ -18,6 +18,7 @@ import numpy as np
 
 from ..core.errors import ReshadeError
 from ..core.materials import Card
+from ..core.hints import FORMS, parse
 from ..core.types import AreaLight, Photo, Progress
 from . import dehighlight, photo_image, photo_io, reference, scene_write, solving
 from .blend_file import open_blend, save_blend
@@ -45,8 +46,11 @@ def main(argv: Sequence[str]) -> int:
 
 def _estimate(arguments: argparse.Namespace, console: Console) -> tuple[int, str]:
     def begin(scene: bpy.types.Scene, photo: Photo) -> Steps:
+        hints = [parse(" ".join(words)) for words in arguments.hint]
         start = _take_start(scene, arguments.start) if arguments.start else None
-        return solving.estimate_light(scene, photo, quality=arguments.quality, model=arguments.model, start=start)
+        return solving.estimate_light(
+            scene, photo, quality=arguments.quality, model=arguments.model, start=start, hints=hints
+        )
 
     return _explain(arguments, console, begin)
 
@@ -210,6 +214,8 @@ def _parser() -> argparse.ArgumentParser:
     )
     estimate.add_argument("--model", choices=MODELS, default="auto", help="kind of light")
     estimate.add_argument("--start", metavar="NAME", help="an area light of the scene to start from; it is replaced")
+    text = "what you know of the light, as often as you like: " + "; ".join(FORMS.values())
+    estimate.add_argument("--hint", nargs="+", action="append", default=[], metavar="WORD", help=text)
     render_parser = command("render", _render, "the photo as the scene's edits change it")
     render_parser.add_argument("--scene", required=True, metavar="O.blend", help="made by estimate or solve")
     render_parser.add_argument("--output", required=True, metavar="X.exr", help=".exr linear or .png 16-bit")

@@ -76,6 +76,7 @@ class RESHADE_PT_light(_Step, bpy.types.Panel):
         column.use_property_decorate = False
         column.prop(choices, "quality")
         column.prop(choices, "model")
+        column.prop(choices, "hints")
         _button(layout, context, RESHADE_OT_estimate_light, "LIGHT_AREA")
         found = choices.found()
         if found:

@@ -45,6 +45,11 @@ class SceneReshade(bpy.types.PropertyGroup):
     card_albedo: FloatProperty(
         name="Reflectance", description="Of the white card", default=0.9, min=0.01, max=1.0, subtype="FACTOR"
     )
+    hints: StringProperty(
+        name="Hints",
+        description="What you know of the light, with semicolons between: highlight X,Y; shadow X1,Y1 X2,Y2 (a pixel "
+        "in shadow, then what casts it there); distance D; ceiling H; parallel MATERIAL; perpendicular MATERIAL",
+    )
     samples: IntProperty(
         name="Samples",
         description="Samples a pixel when the edited scene is rendered; more give less noise",

@@ -10,6 +10,7 @@ import bpy
 import numpy as np
 
 from ..core.errors import NothingToLearn, ReshadeError
+from ..core.hints import Hint
 from ..core.materials import Card
 from ..core.pipeline import estimate, solve
 from ..core.report import to_dict
@@ -52,7 +53,13 @@ class Solution:
 
 
 def estimate_light(
-    scene: bpy.types.Scene, photo: Photo, *, quality: str, model: str, start: AreaLight | None = None
+    scene: bpy.types.Scene,
+    photo: Photo,
+    *,
+    quality: str,
+    model: str,
+    start: AreaLight | None = None,
+    hints: Sequence[Hint] = (),
 ) -> Generator[Progress, None, Solution]:
     """Estimate the light and the materials of a photo's scene. The scene is left as it is.
 
@@ -70,6 +77,7 @@ def estimate_light(
         quality=quality,
         model=model,
         start=start,
+        hints=hints,
     )
     result = yield from part(steps, READ, SOLVED)
     solution = Solution(result, quality, view)

@@ -4,6 +4,7 @@ from collections.abc import Generator
 
 import bpy
 
+from ...core.hints import parse
 from ...core.types import Progress
 from .. import missing, solving
 from ..jobs import Job
@@ -26,7 +27,12 @@ class RESHADE_OT_estimate_light(Job, bpy.types.Operator):
         """Estimate; the scene stays as it is."""
         choices = context.scene.reshade
         photo = read_image(choices.photo)
-        return (yield from solving.estimate_light(context.scene, photo, quality=choices.quality, model=choices.model))
+        hints = [parse(text) for text in choices.hints.split(";") if text.strip()]
+        return (
+            yield from solving.estimate_light(
+                context.scene, photo, quality=choices.quality, model=choices.model, hints=hints
+            )
+        )
 
     def finish(self, context: bpy.types.Context, result: solving.Solution) -> str:
         """Put the light and the materials into the scene."""

@@ -19,6 +19,7 @@ STAGES = (
     ("albedo_map", "highlights", "interreflection", "noise", "progress", "reshade", "samples", "segmentation"),
     ("light_problem",),
     ("cues",),
+    ("hints",),
     ("starts",),
     ("gloss", "light_fit"),
     ("model_choice",),
