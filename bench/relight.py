@@ -33,7 +33,7 @@ from .run import line
 from .scenes import AIM, photo_path, scene_folder
 
 SAMPLES, TRUE_SAMPLES = 64, 192
-TINT = np.array([0.5, 0.8, 1.15])  # of the recoloured surface's albedo
+TINT = np.array([0.5, 0.8, 1.0])  # of the recoloured surface's albedo
 KINDS = (
     *("tabletop", "tabletop, low ambient", "tabletop, interreflected", "textured", "two albedos", "glossy", "softbox"),
     *("sun", "sun and sky", "room", "millimetres", "1 % noise", "8 bits, clipped"),

@@ -17,8 +17,8 @@ import bpy
 import numpy as np
 
 from ..core.errors import ReshadeError
-from ..core.materials import Card
 from ..core.hints import FORMS, parse
+from ..core.materials import Card
 from ..core.types import AreaLight, Photo, Progress
 from . import dehighlight, photo_image, photo_io, reference, scene_write, solving
 from .blend_file import open_blend, save_blend
@@ -26,7 +26,7 @@ from .console import Console, Parser, ended
 from .files import Outputs
 from .progress import drain
 from .properties import MODELS, QUALITIES
-from .reshading import reshade
+from .reshading import reshade, reshade_layers
 from .residual import residual_picture
 from .scene_read import read_light, silhouette
 
@@ -93,6 +93,8 @@ def _explain(
 
 def _render(arguments: argparse.Namespace, console: Console) -> tuple[int, str]:
     photo_io.check_writable(arguments.output)
+    if arguments.layers and Path(arguments.output).suffix.lower() != ".exr":
+        raise ReshadeError(f"Layers cannot be written to '{arguments.output}'", "Name the file .exr")
     with Outputs() as outputs:
         beside = outputs.path(arguments.output)
         scene = open_blend(arguments.scene)
@@ -100,7 +102,10 @@ def _render(arguments: argparse.Namespace, console: Console) -> tuple[int, str]:
             raise ReshadeError("The scene has no photo", "Estimate the light or solve the materials first")
         photo = photo_image.read_image(scene.reshade.photo)
         samples = arguments.samples or scene.reshade.samples
-        photo_io.write_picture(beside, drain(reshade(scene, photo, samples), console.tell))
+        if arguments.layers:
+            photo_io.write_layers(beside, drain(reshade_layers(scene, photo, samples), console.tell))
+        else:
+            photo_io.write_picture(beside, drain(reshade(scene, photo, samples), console.tell))
     return 0, f"The reshaded photo is {arguments.output}"
 
 
@@ -219,6 +224,9 @@ def _parser() -> argparse.ArgumentParser:
     render_parser = command("render", _render, "the photo as the scene's edits change it")
     render_parser.add_argument("--scene", required=True, metavar="O.blend", help="made by estimate or solve")
     render_parser.add_argument("--output", required=True, metavar="X.exr", help=".exr linear or .png 16-bit")
+    render_parser.add_argument(
+        "--layers", action="store_true", help="beside it the change, albedo, shading, specular and masks, in one .exr"
+    )
     render_parser.add_argument("--samples", type=_positive, metavar="N", help="a pixel; more give less noise")
     dehighlight.add_arguments(command(dehighlight.COMMAND, dehighlight.run, dehighlight.SUMMARY))
     return parser

@@ -5,6 +5,7 @@ A photo read from 8 bits and written to 16 is each value times 257; a float32 EX
 """
 
 import tempfile
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +21,8 @@ WRITABLE = (".exr", ".png")
 
 SMALLEST_SIDE = 8  # pixels; below it there is no shading to speak of
 BLACK = 1e-5  # linear; under a thirtieth of an 8-bit step
+
+_LAYER_ROWS = 64  # written at a time
 
 
 def read_photo(path: str | Path, linear: bool | None = None) -> Photo:
@@ -81,6 +84,60 @@ def read_packed(data: bytes, suffix: str, linear: bool | None = None) -> Photo:
 def read_linear(path: str | Path) -> Array:
     """Read the values (H, W, 3) of a file as they are stored, unchecked: for renders, where black is a fair answer."""
     return _read(Path(path))[0].astype(np.float64)
+
+
+def read_passes(path: str | Path) -> dict[str, Array]:
+    """Read a multilayer EXR's colour passes (H, W, 3) by name; Blender writes each as a part, or all as one."""
+    import OpenImageIO as oiio
+
+    channels: dict[str, Array] = {}
+    for number in range(oiio.ImageBuf(str(path)).nsubimages):
+        buffer = oiio.ImageBuf(str(path), number, 0)
+        pixels = buffer.get_pixels(oiio.FLOAT)
+        channels |= {name: pixels[..., i] for i, name in enumerate(buffer.spec().channelnames)}
+    layers = {name.rsplit(".", 1)[0] for name in channels if name.endswith(".R")}
+    return {layer.split(".")[-1]: np.stack([channels[f"{layer}.{c}"] for c in "RGB"], axis=-1) for layer in layers}
+
+
+def write_layers(path: str | Path, layers: Mapping[str, ArrayLike]) -> None:
+    """Write pictures (H, W, 3) and masks (H, W) as one EXR of many layers; the first is also the file's own picture.
+
+    Channels are named as compositors expect them: R, G, B, then `Name.R` and so on, masks `Name.A`. Pictures are
+    halves beyond the first, which keeps its 32 bits: 24 megapixels take 1 GB less.
+    Raises ReshadeError where the file is no EXR or cannot be written.
+    """
+    import OpenImageIO as oiio
+
+    path = Path(path)
+    if path.suffix.lower() != ".exr":
+        raise ReshadeError(f"Layers cannot be written to '{path.name}'", "Name the file .exr")
+    check_writable(path)
+    pictures = {name: np.asarray(layer) for name, layer in layers.items()}
+    first = next(iter(pictures))
+    names, planes, kinds = [], [], []
+    for channel, letter in enumerate("RGB"):
+        names.append(letter)
+        planes.append(pictures[first][..., channel])
+        kinds.append("float")
+    for name, picture in pictures.items():
+        for channel, letter in enumerate("RGB" if picture.ndim == 3 else "A"):
+            names.append(f"{name}.{letter}")
+            planes.append(picture[..., channel] if picture.ndim == 3 else picture)
+            kinds.append("float" if name in (first, "Photo") else "half")
+    height, width = planes[0].shape
+    spec = oiio.ImageSpec(width, height, len(names), "float")
+    spec.channelnames = tuple(names)
+    spec.channelformats = tuple(oiio.TypeDesc(kind) for kind in kinds)
+    spec.attribute("compression", "zip")
+    spec.attribute("oiio:ColorSpace", "lin_rec709")
+    file = oiio.ImageOutput.create(str(path))
+    written = file.open(str(path), spec)
+    for row in range(0, height, _LAYER_ROWS):
+        rows = slice(row, min(row + _LAYER_ROWS, height))
+        block = np.stack([plane[rows].astype(np.float32) for plane in planes], axis=-1)
+        written = written and file.write_scanlines(rows.start, rows.stop, 0, np.ascontiguousarray(block))
+    if not (file.close() and written):
+        raise ReshadeError(f"'{path}' cannot be written ({file.geterror().strip()})", "Check the folder and the disk")
 
 
 def write_picture(path: str | Path, linear: ArrayLike, alpha: Array | None = None) -> None:

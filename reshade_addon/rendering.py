@@ -10,7 +10,7 @@ import numpy as np
 
 from ..core.errors import ReshadeError
 from ..core.types import Array, Progress
-from .photo_io import read_linear
+from .photo_io import read_linear, read_passes
 from .render_depsgraph import first_layer, settings
 
 CHUNK = 64  # samples between two looks at the clock: a picture of so many is made without a pause
@@ -45,6 +45,38 @@ def _render_once(scene: bpy.types.Scene, samples: int, seed: int, direct_only: b
         if not path.is_file():
             raise ReshadeError("Cycles did not render the scene", "Render it once by hand to see Blender's message")
         return read_linear(path)
+
+
+def render_passes(scene: bpy.types.Scene, samples: int) -> Generator[Progress, None, dict[str, Array]]:
+    """Render a scene's albedo, the light on it and its highlights, each linear (H, W, 3), by those names."""
+    yield Progress(0.0, "Rendering albedo, shading and highlights")
+    layer = first_layer(scene)
+    wanted = {
+        f"use_pass_{kind}_{what}": True for kind in ("diffuse", "glossy") for what in ("direct", "indirect", "color")
+    }
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        _plain_render(scene, samples, 0, False),
+        settings(layer, **wanted),
+        _exr(scene.render.image_settings, layers=True),
+    ):
+        path = Path(folder) / "passes.exr"
+        scene.render.filepath = str(path)
+        bpy.ops.render.render(scene=scene.name, layer=layer.name, write_still=True)
+        if not path.is_file():
+            raise ReshadeError("Cycles did not render the scene", "Render it once by hand to see Blender's message")
+        passes = read_passes(path)
+
+    def found(*names: str) -> Array:
+        return next(passes[name] for name in names if name in passes)
+
+    diffuse = found("Diffuse Direct", "DiffDir") + found("Diffuse Indirect", "DiffInd")
+    glossy = found("Glossy Direct", "GlossDir") + found("Glossy Indirect", "GlossInd")
+    return {
+        "Albedo": found("Diffuse Color", "DiffCol"),
+        "Shading": diffuse,
+        "Specular": glossy * found("Glossy Color", "GlossCol"),
+    }
 
 
 @contextmanager
@@ -93,11 +125,13 @@ def _plain_render(scene: bpy.types.Scene, samples: int, seed: int, direct_only: 
 
 
 @contextmanager
-def _exr(image: bpy.types.ImageFormatSettings) -> Iterator[None]:
-    """Set a single-layer float EXR as the format. From 5.0 on the kind of media comes before the format."""
+def _exr(image: bpy.types.ImageFormatSettings, *, layers: bool = False) -> Iterator[None]:
+    """Set a float EXR as the format, of one layer or many. From 5.0 on the kind of media comes before the format."""
     with ExitStack() as stack:
         if hasattr(image, "media_type"):
-            stack.enter_context(settings(image, media_type="IMAGE"))
-        stack.enter_context(settings(image, file_format="OPEN_EXR"))
-        stack.enter_context(settings(image, color_mode="RGB", color_depth="32", exr_codec="ZIP"))
+            stack.enter_context(settings(image, media_type="MULTI_LAYER_IMAGE" if layers else "IMAGE"))
+        stack.enter_context(settings(image, file_format="OPEN_EXR_MULTILAYER" if layers else "OPEN_EXR"))
+        if not layers:
+            stack.enter_context(settings(image, color_mode="RGB"))
+        stack.enter_context(settings(image, color_depth="32", exr_codec="ZIP"))
         yield

@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Generator
-from contextlib import ExitStack
+from contextlib import AbstractContextManager, ExitStack
 
 import bpy
 import numpy as np
@@ -10,14 +10,14 @@ from numpy.typing import NDArray
 
 from ..core import camera as pinhole
 from ..core.errors import ReshadeError
-from ..core.reshade import combine
+from ..core.reshade import combine, edited, uncertain
 from ..core.types import Array, Camera, Photo, Progress
 from . import reference
 from .geometry import RayCaster, SceneGeometry
 from .progress import part
 from .render_depsgraph import settings
-from .rendering import render
-from .scene_read import read_camera
+from .rendering import render, render_passes
+from .scene_read import read_camera, read_view, silhouette
 from .scene_state import SceneState, read_state
 
 SUBPIXELS = 4  # a pixel on the edge of a changed object is looked at in so many places each way
@@ -33,12 +33,47 @@ def reshade(scene: bpy.types.Scene, photo: Photo, samples: int) -> Generator[Pro
 
     Raises ReshadeError where the scene has no reference state, or the camera is not as it was.
     """
+    found = yield from _renders(scene, photo, samples)
+    return photo.linear if found is None else combine(photo.linear, *found)
+
+
+def reshade_layers(scene: bpy.types.Scene, photo: Photo, samples: int) -> Generator[Progress, None, dict[str, Array]]:
+    """Compute the reshaded photo, and what a compositor wants beside it: pictures (H, W, 3) and masks (H, W) by name.
+
+    Reshaded : the photo as `reshade` gives it. Photo : as it was. Change : what is added to it.
+    Albedo, Shading, Specular : of the scene as it is now; albedo times shading, and specular, make its render.
+    Edited : what changed as far as can be seen. Uncertain : see `core.reshade.uncertain`. Covered : the share of each
+    pixel that shows an object the photo does not, or no longer the one it does.
+
+    Raises ReshadeError as `reshade` does.
+    """
+    found = yield from part(_renders(scene, photo, samples), 0.0, 0.6)
+    size = photo.size
+    nothing = np.zeros((size[1], size[0]))
+    reshaded, covered = photo.linear, nothing
+    modelled = yield from part(silhouette(read_view(scene, size)), 0.6, 0.65)
+    doubtful = ~modelled
+    if found is not None:
+        reshaded, covered = combine(photo.linear, *found), found[2]
+        doubtful = uncertain(photo.linear, *found, photo.clipped, modelled)
+    del found
+    with _sized(scene, size):
+        passes = yield from part(render_passes(scene, samples), 0.65, 1.0)
+    layers = {"Reshaded": reshaded, "Photo": photo.linear, "Change": reshaded - photo.linear, **passes}
+    masks = {"Edited": edited(photo.linear, reshaded), "Uncertain": doubtful, "Covered": covered}
+    return layers | masks
+
+
+def _renders(
+    scene: bpy.types.Scene, photo: Photo, samples: int
+) -> Generator[Progress, None, tuple[Array, Array, Array] | None]:
+    """The renders before and after the edits, and the share of each pixel covered anew; None without an edit."""
     yield Progress(0.0, "Comparing the scene with its reference state")
     with reference.opened(scene) as copy:
         before = copy.scene
         then, now = read_state(before), read_state(scene)
         if now.same(then):
-            return photo.linear
+            return None
         if now.camera != then.camera:
             raise ReshadeError(
                 "The camera is not as it was when the photo was explained", "Put it back, or estimate the light again"
@@ -48,16 +83,14 @@ def reshade(scene: bpy.types.Scene, photo: Photo, samples: int) -> Generator[Pro
         with _alike(scene, before, photo.size):
             was = yield from part(reference.picture(scene, before, samples), 0.1, 0.55)
             is_now = yield from part(render(scene, samples), 0.55, 1.0)
-    return combine(photo.linear, was, is_now, covered)
+    return was, is_now, covered
 
 
 def _alike(scene: bpy.types.Scene, before: bpy.types.Scene, size: tuple[int, int]) -> ExitStack:
     """Give both scenes the photo's size and the same settings of the renderer for a while."""
     stack = ExitStack()
     for one in (scene, before):
-        stack.enter_context(
-            settings(one.render, resolution_x=size[0], resolution_y=size[1], pixel_aspect_x=1.0, pixel_aspect_y=1.0)
-        )
+        stack.enter_context(_sized(one, size))
     same = {}
     for prop in scene.cycles.bl_rna.properties:
         value = getattr(scene.cycles, prop.identifier)
@@ -68,6 +101,12 @@ def _alike(scene: bpy.types.Scene, before: bpy.types.Scene, size: tuple[int, int
             same[prop.identifier] = value
     stack.enter_context(settings(before.cycles, **same))
     return stack
+
+
+def _sized(scene: bpy.types.Scene, size: tuple[int, int]) -> AbstractContextManager[None]:
+    """Give a scene a photo's size for a while."""
+    width, height = size
+    return settings(scene.render, resolution_x=width, resolution_y=height, pixel_aspect_x=1.0, pixel_aspect_y=1.0)
 
 
 def _covered(camera: Camera, then: SceneState, now: SceneState) -> Generator[Progress, None, Array]:
