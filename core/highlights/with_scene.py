@@ -22,11 +22,15 @@ from .clipping import clipped_channels, continued
 from .lobes import MOST_NODES, lobes
 from .products import SEEN, Split
 
-LEVELS = np.array([0.0, 0.08, 0.13, 0.2, 0.3, 0.45, 0.65, 0.95, 1.4])  # Principled's Specular IOR Level
+LEVELS = np.array([0.0, 0.02, 0.035, 0.06, 0.1, 0.16, 0.26, 0.42, 0.7, 1.2])  # Principled's Specular IOR Level
 ROUGHNESS = np.array([0.12, 0.15, 0.2, 0.25, 0.31, 0.38, 0.46, 0.56, 0.7])
-NODES = np.array([0.12, 0.4, 1.4])  # levels at which lobes are computed; between them they change about linearly
+NODES = np.array([0.04, 0.12, 0.4, 1.3])  # levels at which lobes are computed; between them they change about linearly
 INDEX = 1.5  # Principled's own, which the level scales
-USUAL, USUAL_SPREAD = (0.5, 0.32), (0.7, 0.6)  # prior: level and roughness, and standard deviations of their logarithms
+USUAL, USUAL_SPREAD = (
+    (0.4, 0.32),
+    (1.0, 0.6),
+)  # prior: level and roughness, and standard deviations of their logarithms:
+# the level is relative to the light's strength, of which the photo tells only the product with the albedo
 MATT = 0.05  # prior probability of no coat at all
 TEMPER = 0.5  # of the likelihood: neighbouring pixels are not independent, and the model is not exact
 STEPS = np.array([-1.5, -0.75, 0.0, 0.75, 1.5])  # standard deviations of a finer grid about the mean of that before
@@ -227,7 +231,7 @@ def _fit(
         return unknown
     for least in ROUNDS:
         widths = np.maximum(spread, least)
-        levels = np.clip(level * np.exp(STEPS * widths[0]), 0.02, 2.0)
+        levels = np.clip(level * np.exp(STEPS * widths[0]), 0.01, 2.0)
         roughness = np.clip(rough * np.exp(STEPS * widths[1]), 0.05, 1.0)
         finer = posterior(levels, roughness)
         if np.isfinite(finer).any():
