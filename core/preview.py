@@ -9,16 +9,19 @@ is kept: an edit of strengths, colours, albedos or ambient needs no ray at all, 
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
 
 from .lights import shading, strength_of, with_strength
 from .samples import subset
-from .types import Array, Buffers, Light, Mask, Samples, Visible
+from .types import AreaLight, Array, Buffers, Light, Mask, Samples, Visible
 from .visibility import openness, visible_fraction
 
 COARSEST = 8  # pixels between the first points asked
-RAYS = {8: 12, 4: 12, 2: 12, 1: 6}  # to a light from each point asked, by pixels between points
+RAYS = {8: 16, 4: 16, 2: 12, 1: 8}  # to a light from each point asked, by pixels between points
 TELLING = {4: 0.02, 2: 0.1, 1: 0.4}  # between neighbours: a larger difference in V is looked at more closely
 _OPEN_STRIDE, _OPEN_RAYS = 8, 32  # openness varies slowly
+_SMALL = 0.02  # of the distance
+_SOFT = 7  # pixels over which penumbrae are averaged
 _KEPT = 16  # lights whose shading is kept
 _SMOOTH = 0.9  # cosine between normals of points on one smooth surface
 
@@ -68,9 +71,38 @@ class Preview:
         if key not in self._shaded:
             while len(self._shaded) >= _KEPT:
                 del self._shaded[next(iter(self._shaded))]
-            bare = shading(unit, self.samples.point, self.samples.normal)
+            bare = self._unshadowed(unit)
             self._shaded[key] = bare * self._share(unit, bare > 0)
         return self._shaded[key]
+
+    def _unshadowed(self, light: Light) -> Array:
+        """F (N,) at each pixel: where all of a rectangle is above the horizon, its edges' sum needs no clipping."""
+        point, normal = self.samples.point, self.samples.normal
+        if not isinstance(light, AreaLight):
+            return shading(light, point, normal)
+        sides = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) / 2 * light.size
+        corners = light.centre + sides @ np.stack([light.u, light.v])
+        away = [(corner - point).astype(np.float32) for corner in corners]
+        short = normal.astype(np.float32)
+        height = np.stack([np.einsum("ij,ij->i", a, short) for a in away])
+        faces = (point - light.centre) @ light.normal > 0
+        clear = (height > 0).all(axis=0) & faces
+        part = np.flatnonzero((height > 0).any(axis=0) & faces & ~clear)
+        out = np.zeros(len(point))
+        total = np.zeros(int(clear.sum()), dtype=np.float32)
+        unit = [a[clear] / np.linalg.norm(a[clear], axis=1, keepdims=True) for a in away]
+        facing = short[clear]
+        for a, b in zip(unit, [*unit[1:], unit[0]], strict=True):
+            x, y, z = (a[:, i] * b[:, j] - a[:, j] * b[:, i] for i, j in ((1, 2), (2, 0), (0, 1)))
+            sine = np.sqrt(x * x + y * y + z * z)
+            angle = np.arctan2(sine, np.einsum("ij,ij->i", a, b))
+            along = x * facing[:, 0] + y * facing[:, 1] + z * facing[:, 2]
+            total += angle / np.maximum(sine, np.float32(1e-30)) * along
+        out[clear] = np.abs(total) / (2 * np.pi)
+        out[part] = shading(light, point[part], normal[part])
+        if light.size.max() < _SMALL * np.sqrt(np.min(np.sum((light.centre - point) ** 2, axis=1))):
+            return shading(light, point, normal)  # the sum of edges would lose too many of single precision's digits
+        return out
 
     def open(self) -> Array:
         """Openness at each pixel that shows geometry (N,)."""
@@ -110,7 +142,22 @@ class Preview:
             # Where a light begins to be below the horizon, neighbours of share 0 mean nothing.
             ask(new[np.isnan(low) | (high - low > TELLING[stride])], RAYS[stride])
             stride //= 2
-        return share
+        return self._softened(share)
+
+    def _softened(self, share: Array) -> Array:
+        """The shares (N,) with those in penumbrae averaged over their neighbours on the surface: few rays are noisy."""
+        soft = (share > 0) & (share < 1)
+        out = share.copy()
+        picture = np.zeros(self.shape, dtype=np.float32)
+        picture[self.hit] = share
+        for number in np.unique(self.samples.surface[soft]):
+            inside = (self.surface == number).astype(np.float32)
+            total = ndimage.uniform_filter(picture * inside, _SOFT, mode="constant")
+            count = ndimage.uniform_filter(inside, _SOFT, mode="constant")
+            of = soft & (self.samples.surface == number)
+            column, row = self.samples.pixel[of].T
+            out[of] = total[row, column] / count[row, column]
+        return out
 
     def _grid(self, stride: int) -> NDArray[np.intp]:
         """Indices of the pixels that show geometry on every `stride`-th row and column."""

@@ -34,6 +34,11 @@ def combine(photo: Array, was: Array, is_now: Array, covered: Array) -> Array:
     return out
 
 
+def gain_of(photo: Array, was: Array) -> Array:
+    """By how much a change of the render counts in the photo (H, W, 3): see `combine`; kept from zero."""
+    return np.clip(_gain(photo, was, _doubt(was)), 0.05, _LARGEST_GAIN)
+
+
 def edited(photo: Array, reshaded: Array) -> Mask:
     """The pixels (H, W) that an edit changed by as much as can be seen."""
     apart = np.sqrt(np.maximum(reshaded, 0.0)) - np.sqrt(np.maximum(photo, 0.0))

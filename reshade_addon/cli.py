@@ -20,7 +20,7 @@ from ..core.errors import ReshadeError
 from ..core.hints import FORMS, parse
 from ..core.materials import Card
 from ..core.types import AreaLight, Photo, Progress
-from . import dehighlight, photo_image, photo_io, reference, scene_write, solving
+from . import dehighlight, paint, photo_image, photo_io, reference, scene_write, solving
 from .blend_file import open_blend, save_blend
 from .console import Console, Parser, ended
 from .files import Outputs
@@ -107,6 +107,20 @@ def _render(arguments: argparse.Namespace, console: Console) -> tuple[int, str]:
         else:
             photo_io.write_picture(beside, drain(reshade(scene, photo, samples), console.tell))
     return 0, f"The reshaded photo is {arguments.output}"
+
+
+def _paint(arguments: argparse.Namespace, console: Console) -> tuple[int, str]:
+    with Outputs() as outputs:
+        beside = outputs.path(arguments.output)
+        scene = open_blend(arguments.scene)
+        if scene.reshade.photo is None:
+            raise ReshadeError("The scene has no photo", "Estimate the light or solve the materials first")
+        photo, painting = photo_image.read_image(scene.reshade.photo), photo_io.read_photo(arguments.painting)
+        steps = paint.solve_lights(scene, photo, painting, keep_colours=arguments.keep_colours)
+        lights = drain(steps, console.tell)
+        paint.apply(scene, lights)
+        save_blend(beside)
+    return 0, f"The lights of {arguments.output} are as the painting asks; render it to see the photo"
 
 
 def _write_report(path: Path | None, found: dict[str, Any]) -> None:
@@ -228,6 +242,11 @@ def _parser() -> argparse.ArgumentParser:
         "--layers", action="store_true", help="beside it the change, albedo, shading, specular and masks, in one .exr"
     )
     render_parser.add_argument("--samples", type=_positive, metavar="N", help="a pixel; more give less noise")
+    paint_parser = command("paint", _paint, "find the lights' strengths from a painting over the photo")
+    paint_parser.add_argument("--scene", required=True, metavar="O.blend", help="made by estimate or solve")
+    paint_parser.add_argument("--painting", required=True, metavar="P", help="a copy of the photo, painted on")
+    paint_parser.add_argument("--output", required=True, metavar="O2.blend", help="the scene with these lights")
+    paint_parser.add_argument("--keep-colours", action="store_true", help="change only the lights' brightness")
     dehighlight.add_arguments(command(dehighlight.COMMAND, dehighlight.run, dehighlight.SUMMARY))
     return parser
 

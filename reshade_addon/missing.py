@@ -57,3 +57,8 @@ def reference_state(context: bpy.types.Context) -> str | None:
 def reshaded(context: bpy.types.Context) -> str | None:
     """A reshaded photo."""
     return None if context.scene.reshade.reshaded else "Reshade first"
+
+
+def painting(context: bpy.types.Context) -> str | None:
+    """A painting."""
+    return None if context.scene.reshade.painting else "Paint on a copy of the photo, and choose it"

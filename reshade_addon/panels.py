@@ -12,10 +12,12 @@ from .operators import (
     RESHADE_OT_estimate_light,
     RESHADE_OT_import_fspy,
     RESHADE_OT_import_photo,
+    RESHADE_OT_preview,
     RESHADE_OT_project_photo,
     RESHADE_OT_reshade,
     RESHADE_OT_save_reshaded,
     RESHADE_OT_solve_materials,
+    RESHADE_OT_solve_painting,
 )
 from .scene_write import colour_socket
 
@@ -133,6 +135,10 @@ class RESHADE_PT_edit(_Step, bpy.types.Panel):
                 row = column.row(align=True)
                 row.prop(obj.data, "energy", text="")
                 row.prop(obj.data, "color", text="")
+        layout.operator(RESHADE_OT_preview.bl_idname, icon="HIDE_OFF")
+        row = layout.row(align=True)
+        row.prop(context.scene.reshade, "painting", text="")
+        row.operator(RESHADE_OT_solve_painting.bl_idname, icon="BRUSH_DATA")
         _text(layout, context, "Move, dim or turn the light, recolour a material, add objects.", "NONE")
 
 

@@ -50,6 +50,9 @@ class SceneReshade(bpy.types.PropertyGroup):
         description="What you know of the light, with semicolons between: highlight X,Y; shadow X1,Y1 X2,Y2 (a pixel "
         "in shadow, then what casts it there); distance D; ceiling H; parallel MATERIAL; perpendicular MATERIAL",
     )
+    painting: PointerProperty(
+        name="Painting", description="A copy of the photo, painted on how it should look", type=bpy.types.Image
+    )
     samples: IntProperty(
         name="Samples",
         description="Samples a pixel when the edited scene is rendered; more give less noise",

@@ -29,7 +29,7 @@ def packed(scene: bpy.types.Scene) -> bytes:
     """Copy a scene to the bytes of a .blend of its own, without what Reshade keeps on it."""
     with (
         tempfile.TemporaryDirectory() as folder,
-        settings(scene.reshade, reference=None, photo=None, reshaded=None, card=None, report=""),
+        settings(scene.reshade, reference=None, photo=None, reshaded=None, card=None, painting=None, report=""),
     ):
         path = Path(folder) / "scene.blend"
         bpy.data.libraries.write(str(path), {scene}, path_remap="ABSOLUTE", compress=True)

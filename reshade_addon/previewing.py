@@ -1,0 +1,84 @@
+"""The edited photo at once, in closed form: direct light, shadows and ambient, for the eye while a light is moved."""
+
+from collections.abc import Generator, Mapping
+from dataclasses import dataclass
+
+import bpy
+import numpy as np
+
+from ..core.preview import Preview
+from ..core.reshade import combine
+from ..core.types import Array, Light, Photo, Progress
+from . import reference
+from .scene_read import read_buffers, read_light, read_view
+from .scene_write import colour_socket
+from .texture import resized
+
+LARGEST = 640 * 480  # pixels
+
+
+@dataclass(frozen=True, slots=True)
+class Lighting:
+    """What of a scene the preview knows: its lights, uniform world and base colours."""
+
+    lights: list[Light]
+    ambient: Array  # (3,)
+    albedo: Array  # (S, 3)
+
+
+@dataclass(frozen=True, slots=True)
+class Live:
+    """A photo and its scene, ready to be shown under any light."""
+
+    preview: Preview
+    photo: Array  # (h, w, 3)
+    was: Array  # (h, w, 3) as the reference state shows it
+
+    def picture(self, scene: bpy.types.Scene) -> Array:
+        """The photo (h, w, 3) as the scene's lights and materials, such as they are now, change it."""
+        bpy.context.view_layer.update()
+        now = read_lighting(scene, self.preview.samples.names, bpy.data.materials)
+        shown = self.preview.picture(now.lights, now.ambient, now.albedo)
+        return combine(self.photo, self.was, shown, np.zeros(self.photo.shape[:2]))
+
+
+def begin(scene: bpy.types.Scene, photo: Photo) -> Generator[Progress, None, Live]:
+    """Read what the camera sees, once. Raises ReshadeError where the scene has no reference state or cannot be used."""
+    width, height = photo.size
+    scale = min(1.0, np.sqrt(LARGEST / (width * height)))
+    size = max(8, round(width * scale)), max(8, round(height * scale))
+    view = read_view(scene, size)
+    buffers = yield from read_buffers(view)
+    preview = Preview(buffers, view.caster.visible, view.camera.to_world[:3, 3])
+    with reference.opened(scene) as copy:
+        for layer in copy.scene.view_layers:
+            layer.update()  # what was just loaded has no places in the world yet
+        then = read_lighting(copy.scene, buffers.names, copy.materials)
+    was = preview.picture(then.lights, then.ambient, then.albedo)
+    return Live(preview, resized(photo.linear, *size), was)
+
+
+def read_lighting(
+    scene: bpy.types.Scene, names: tuple[str, ...], materials: Mapping[str, bpy.types.Material]
+) -> Lighting:
+    """Read a scene's lights, world and base colours; a colour that is no one value counts as the tint over it."""
+    albedo = np.ones((len(names), 3))
+    for number, name in enumerate(names):
+        material = materials.get(name)
+        socket = colour_socket(material) if material else None
+        if socket is not None:
+            albedo[number] = socket.default_value[:3]
+    return Lighting([read_light(obj) for obj in shining(scene)], _ambient(scene.world), albedo)
+
+
+def shining(scene: bpy.types.Scene) -> list[bpy.types.Object]:
+    """The scene's lights as the preview takes them: those that are not hidden, read without a renderer's help."""
+    return [obj for obj in scene.objects if obj.type == "LIGHT" and not obj.hide_render]
+
+
+def _ambient(world: bpy.types.World | None) -> Array:
+    nodes = world.node_tree.nodes if world and world.node_tree else ()
+    background = next((node for node in nodes if node.type == "BACKGROUND"), None)
+    if background is None:
+        return np.zeros(3) if world is None else np.array(world.color)
+    return background.inputs["Strength"].default_value * np.array(background.inputs["Color"].default_value[:3])
