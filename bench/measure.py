@@ -158,7 +158,9 @@ def cramer_rao(truth: dict, true: AreaLight, photo: Photo, view: SceneView, buff
     samples = choose_samples(photo, view.camera, buffers, BOUND_SAMPLES)
     middle, extent = extent_of(samples)
     y = brightness(samples)
-    problem = Problem(samples, y, view.caster.visible, BOUND_RAYS, 60 * extent, middle, lambda _: True, np.zeros((len(samples), 0)))
+    problem = Problem(
+        samples, y, view.caster.visible, BOUND_RAYS, 60 * extent, middle, lambda _: True, np.zeros((len(samples), 0))
+    )
     albedo = np.array([truth["albedo"][name] for name in samples.names])
     strength = np.linalg.norm(albedo * true.radiance, axis=1)
     state: State = problem.state(true, np.log(strength), np.zeros(0), 1.0)

@@ -20,8 +20,8 @@ import numpy as np
 
 from ..core.light_fit import LightFit
 from ..core.light_problem import Problem, brightness
+from ..core.light_search import SOLVERS
 from ..core.lights import shading
-from ..core.pipeline import SOLVERS
 from ..core.types import AreaLight, Array, Mask, Samples, Visible
 from ..demo_blend.teapot import SCALE, bezier_teapot
 from ..reshade_addon.geometry import RayCaster, SceneGeometry
@@ -174,7 +174,9 @@ def problem_of(target: Target, *, shadows: bool = True, count: int = SAMPLES) ->
     samples = samples_of(target, target.image if shadows else target.unshadowed, count)
     visible = occluder(target) if shadows else None
     middle = samples.point.mean(axis=0)
-    return Problem(samples, brightness(samples), visible, RAYS, FAR, middle, lambda _: True, np.zeros((len(samples), 0)))
+    return Problem(
+        samples, brightness(samples), visible, RAYS, FAR, middle, lambda _: True, np.zeros((len(samples), 0))
+    )
 
 
 def check(target: Target) -> float:

@@ -16,6 +16,7 @@ from .light_problem import (
     Problem,
     State,
     cost,
+    covariance,
     expected_residual,
     normal_equations,
     score,
@@ -117,10 +118,10 @@ def _stepped(problem: Problem, state: State, matrix: Array, slope: Array, dampin
 def result_of(problem: Problem, state: State, iterations: int, converged: bool) -> LightFit:
     """Describe a state as the result of a fit."""
     expected = expected_residual(problem, state)
-    matrix, _ = normal_equations(problem, state, expected)
+    sure = covariance(problem, state, expected)
     # One overall log strength: the mean over the samples, each of its own surface.
     size, surfaces = coordinates(state.light), len(state.log_c)
-    combine = np.zeros((size + 1, len(matrix)))
+    combine = np.zeros((size + 1, len(sure)))
     combine[:size, :size] = np.eye(size)
     combine[size, size : size + surfaces] = np.bincount(problem.samples.surface, minlength=surfaces)
     combine[size] /= len(problem.samples)
@@ -133,7 +134,7 @@ def result_of(problem: Problem, state: State, iterations: int, converged: bool) 
         shading=state.shade * state.share,
         loss=cost(problem, state, expected),
         score=score(problem, state),
-        covariance=combine @ np.linalg.pinv(matrix, hermitian=True) @ combine.T,
+        covariance=combine @ sure @ combine.T,
         iterations=iterations,
         converged=converged,
     )

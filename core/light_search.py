@@ -114,7 +114,11 @@ class Searched:
     asked: Asked
     candidates: tuple[Candidate, ...]
     starts: tuple[Start, ...]
-    bounced: Array | None  # (N, 3) what other surfaces send, over the light's strength
+
+    @property
+    def bounce(self) -> float:
+        """How much the fields of what other surfaces send count, over the light's strength."""
+        return float(self.fit.around[1]) if len(self.fit.around) > 1 else 0.0
 
 
 def look(
@@ -170,34 +174,30 @@ def search(
     tried = _models(model, rough, suns, effort.finalists, sight.middle)
     name, fit, candidates = yield from shifted(_finals(sight, here, effort, tried, solver), 0.45, 0.75)
     if solver != "trust-region":  # a baseline's result is left as it found it
-        return Searched(name, fit, here, candidates, found, None)
+        return Searched(name, fit, here, candidates, found)
     there = yield from shifted(asked(sight, _enriched(sight, fit.light, effort)), 0.75, 0.8)
-    fit, there, bounced = yield from shifted(polished(sight, there, fit.light, effort), 0.8, 1.0)
-    return Searched(name, fit, there, candidates, found, bounced)
+    fit, there = yield from shifted(polished(sight, there, fit.light, effort), 0.8, 1.0)
+    return Searched(name, fit, there, candidates, found)
 
 
 def polished(
     sight: Sight, here: Asked, light: Light, effort: Effort
-) -> Generator[Progress, None, tuple[LightFit, Asked, Array | None]]:
-    """Fit to all that is asked, in turn with what the light makes of the surfaces that the photo does not show.
-
-    Returns also what surfaces send the samples, (N, 3) over the light's strength.
-    """
+) -> Generator[Progress, None, tuple[LightFit, Asked]]:
+    """Fit to all that is asked, in turn with what the light makes of the surfaces that the photo does not show."""
     message = "Fitting to all of the photo"
     rays = effort.polish_rays
     fit = yield from watched(_polish(here.problem(sight, len(here.samples), rays), light, effort), 0.0, 0.4, message)
     if here.around is None or not fit.around[1:].any():
-        return fit, here, None
+        return fit, here
     for turn in range(_BOUNCE_ROUNDS):
         product = fit.strength[:, None] * _hues(here.samples)
         radiance = patch_radiance(
             here.around, fit.light, product, fit.around[0], fit.around[1], sight.visible, sight.far
         )
-        sent = here.around.fields(radiance)
-        here = replace(here, fields=_fields(here.samples, sent))
+        here = replace(here, fields=_fields(here.samples, here.around.fields(radiance)))
         steps = _polish(here.problem(sight, len(here.samples), rays), fit.light, effort)
         fit = yield from watched(steps, 0.4 + 0.3 * turn, 0.7 + 0.3 * turn, message)
-    return fit, here, fit.around[1] * sent[0] + fit.around[2] * sent[1]
+    return fit, here
 
 
 def _polish(problem: Problem, light: Light, effort: Effort) -> Generator[float, None, LightFit]:
@@ -236,7 +236,9 @@ def _rough(
     """Coarse fits from all starts, and from the best of them with other sides; best first."""
     coarse = here.problem(sight, max(effort.fit_samples // 3, 200), max(effort.fit_rays // 3, 16))
 
-    def fits(lights: Sequence[AreaLight], begin: float, end: float, message: str) -> Generator[Progress, None, list]:
+    def fits(
+        lights: Sequence[AreaLight], begin: float, end: float, message: str
+    ) -> Generator[Progress, None, list[LightFit]]:
         out = []
         for i, light in enumerate(lights):
             steps = SOLVERS[solver](coarse, light, iterations=14, tolerance=1e-3)
@@ -247,7 +249,8 @@ def _rough(
     rough = yield from fits(initial, 0.0, 0.6, "Fitting from start")
     rough.sort(key=lambda fit: fit.score)
     if other_sizes and rough:
-        rough += yield from fits(resized(rough[0].light), 0.6, 1.0, "Trying other sizes,")
+        others = resized(rough[0].light) if isinstance(rough[0].light, AreaLight) else []
+        rough += yield from fits(others, 0.6, 1.0, "Trying other sizes,")
         rough.sort(key=lambda fit: fit.score)
     return rough
 
@@ -287,6 +290,7 @@ def _models(
         tried += [("area", fit.light, False) for fit in near]
     if model in ("auto", "point"):
         for fit in near[:1]:
+            assert isinstance(fit.light, AreaLight)
             radius = _FIRST_RADIUS * reach_of(fit.light, middle)
             tried.append(("point", PointLight(fit.light.centre, np.ones(3), radius), True))
     if model in ("auto", "sun"):

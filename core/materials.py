@@ -59,6 +59,7 @@ class Materials:
     factor: float  # of `Bounces`
     gloss: tuple[Gloss, ...]  # one a surface
     considered: tuple[Gloss, ...]  # the best gloss of each surface, whether taken or not
+    matt: Samples | None  # what the photo would show without any gloss; None where there is none
 
 
 def solve_materials(
@@ -87,7 +88,7 @@ def solve_materials(
         bounces = replace(bounces, factor=_factor(samples, shading, bounces, with_ambient))
     found, bounced = _solved(samples, shading, bounces, with_ambient)
     found = _to_card(found, samples.names, card) if card else found
-    names = samples.names
+    names, matt = samples.names, None
     gloss, considered = [MATT] * len(names), [MATT] * len(names)
     fits: dict[int, GlossFit] = {}
     for number in range(rounds):
@@ -113,13 +114,13 @@ def solve_materials(
                 if as_others.evidence > _EVIDENT:
                     gloss[i] = replace(as_others, width=as_others.width if as_others.evident else width, evident=False)
         before = found
-        found, bounced = _without_gloss(samples, lit, gloss, bounces, with_ambient)
+        found, bounced, matt = _without_gloss(samples, lit, gloss, bounces, with_ambient)
         found = _to_card(found, names, card) if card else found
         # The convention of scale moves with the albedos; the highlights themselves stay as bright.
         factor = float(before.strengths.sum() / max(found.strengths.sum(), 1e-300))
         gloss = [replace(one, strength=min(one.strength * factor, STRONGEST)) for one in gloss]
     factor = 0.0 if bounces is None or bounces.factor is None else bounces.factor
-    return Materials(found, bounced, factor, tuple(gloss), tuple(considered))
+    return Materials(found, bounced, factor, tuple(gloss), tuple(considered), matt)
 
 
 def _to_card(found: Radiometry, names: Sequence[str], card: Card) -> Radiometry:
@@ -196,16 +197,18 @@ def _factor(samples: Samples, shading: Array, bounces: Bounces, with_ambient: bo
 
 def _without_gloss(
     samples: Samples, lit: Lit, gloss: Sequence[Gloss], bounces: Bounces | None, with_ambient: bool
-) -> tuple[Radiometry, Array | None]:
-    """As `_solved`, on the samples less their highlights, under what the coats leave."""
+) -> tuple[Radiometry, Array | None, Samples]:
+    """As `_solved`, on the samples less their highlights, under what the coats leave; and what is then left of them."""
     specular, left = np.zeros((len(samples), 3)), np.ones(len(samples))
     for i, one in enumerate(gloss):
         if one:
             of = samples.surface == i
             some = subset(samples, of)
             specular[of], left[of] = specular_term(some, lit.of(of), one), base_share(some, one)
-    matt = replace(samples, colour=samples.colour - specular, openness=samples.openness * left)
+    base = replace(samples, colour=samples.colour - specular, openness=samples.openness * left)
     if bounces is not None:
         bounces = replace(bounces, seen=bounces.seen * left[:, None], unseen=bounces.unseen * left[:, None])
-    found, bounced = _solved(matt, lit.shading * left[:, None], bounces, with_ambient)
-    return found, None if bounced is None else bounced / np.maximum(left, 1e-6)[:, None]
+    found, bounced = _solved(base, lit.shading * left[:, None], bounces, with_ambient)
+    share = np.maximum(left, 1e-6)[:, None]
+    matt = replace(samples, colour=base.colour / share)
+    return found, None if bounced is None else bounced / share, matt

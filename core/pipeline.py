@@ -12,12 +12,12 @@ import numpy as np
 
 from .color import linear_to_srgb
 from .hints import Hint
-from .light_search import Effort, asked, look, search
+from .light_search import Asked, Effort, Sight, asked, look, polished, search
 from .lights import reach_of, shading, with_strength
 from .materials import Bounces, Card, Materials, solve_materials, unseen_light
 from .noise import noise_of
 from .progress import shifted
-from .radiometric import SCALE, Radiometry, left_over, solve_radiometry
+from .radiometric import SCALE, left_over
 from .types import (
     AreaLight,
     Buffers,
@@ -38,6 +38,7 @@ from .uncertainty import uncertainty_of
 from .visibility import visible_fraction
 
 _BOUNCE_GAIN = 0.05  # of the logarithm of what is left over: interreflection that explains less is left out
+_GLOSS_ROUNDS = 2  # of light and gloss in turn
 _BOUNCE_ROUNDS = 2  # of what the photo does not show, by the light found
 _TEXTURED = 0.08  # robust spread of a surface's residual over its mean: more is texture, not noise
 _UNTRUSTED = 0.6  # share of the photo's variation left over, above which no light explains it
@@ -81,24 +82,21 @@ def estimate(
     if found is None:
         return _failed("No place for a light explains any of the shading: check the camera and the geometry", clock)
     clock.mark("fit")
-    yield Progress(0.9, "Solving materials")
-    light, samples = found.fit.light, found.asked.samples
-    lit = shading(light, samples.point, samples.normal)
-    lit = lit * visible_fraction(light, samples, visible, effort.fit_rays, sight.far)
-    radiometry = solve_radiometry(samples, lit[:, None], bounced=found.bounced)
+    fit, here = found.fit, found.asked
+    materials = yield from shifted(_materials(sight, here, (fit.light,), quality, bounce=found.bounce), 0.8, 0.9)
+    for _ in range(_GLOSS_ROUNDS):
+        if materials.matt is None:
+            break
+        # Highlights are no shading: the light is fitted anew to what the photo would show without them.
+        again = polished(sight, replace(here, samples=materials.matt), fit.light, effort)
+        fit, _ = yield from shifted(again, 0.9, 0.95)
+        materials = yield from shifted(_materials(sight, here, (fit.light,), quality, bounce=found.bounce), 0.95, 0.99)
     clock.mark("solve")
-    result = _assembled(
-        photo,
-        samples,
-        (light,),
-        radiometry,
-        (uncertainty_of(found.fit, reach_of(light, sight.middle)),),
-        f"{found.name} light, constant ambient",
-        found.candidates,
-        clock,
-    )
+    sure = (uncertainty_of(fit, reach_of(fit.light, sight.middle)),)
+    result = _assembled(photo, here.samples, (fit.light,), materials, sure, f"{found.name} light", clock)
+    result = replace(result, candidates=(*found.candidates, *result.candidates))
     result = replace(result, starts=tuple(Tried(entry.cue, entry.score) for entry in found.starts))
-    if not found.fit.converged:
+    if not fit.converged:
         result = replace(result, warnings=(*result.warnings, "The fit was still improving when it stopped."))
     return result
 
@@ -124,49 +122,63 @@ def solve(
     yield Progress(0.0, "Choosing samples")
     sight, samples = look(photo, camera, buffers, visible, meets, effort.samples)
     here = yield from shifted(asked(sight, samples), 0.0, 0.15)
-    samples, gathered, far = here.samples, here.around, sight.far
     clock.mark("samples")
+    materials = yield from shifted(_materials(sight, here, lights, quality, card), 0.15, 1.0)
+    clock.mark("solve")
+    unknown = (None,) * len(lights)
+    result = _assembled(photo, here.samples, tuple(lights), materials, unknown, "given lights", clock)
+    scale = SCALE if card is None else f"the albedo of {card.name} is {', '.join(f'{x:g}' for x in card.albedo)}"
+    return replace(result, scale=scale)
+
+
+def _materials(
+    sight: Sight,
+    here: Asked,
+    lights: Sequence[Light],
+    quality: str,
+    card: Card | None = None,
+    bounce: float | None = None,
+) -> Generator[Progress, None, Materials]:
+    """Solve for the materials under lights that stay where they are.
+
+    bounce : how much other surfaces send, over the first light's strength, where a fit has told
+    """
+    samples, effort = here.samples, _EFFORTS[quality]
     shares, columns = [], []
     for i, light in enumerate(lights):
-        yield Progress(0.15 + 0.25 * i / len(lights), f"Casting shadows of light {i + 1} of {len(lights)}")
-        shares.append(visible_fraction(light, samples, visible, effort.fit_rays, far))
+        yield Progress(0.3 * i / len(lights), f"Casting shadows of light {i + 1} of {len(lights)}")
+        shares.append(visible_fraction(light, samples, sight.visible, effort.fit_rays, sight.far))
         columns.append(shading(light, samples.point, samples.normal) * shares[-1])
     lit, seen = np.stack(columns, axis=1), np.stack(shares, axis=1)
-    clock.mark("fit")
-    yield Progress(0.4, "Solving materials")
+    yield Progress(0.3, "Solving materials")
     bounces = None
-    if gathered is not None:
-        relative, around = np.ones(len(lights)), 0.0
+    if here.around is not None and bounce is not None:
+        if bounce > 0:
+            unseen = unseen_light(here.around, lights, np.ones(1), 0.0, sight.visible, sight.far)
+            bounces = Bounces(here.around.samples.seen, unseen, bounce)
+    elif here.around is not None:
+        relative, besides = np.ones(len(lights)), 0.0
         for _ in range(_BOUNCE_ROUNDS):
-            unseen = unseen_light(gathered, lights, relative, around, visible, far)
-            bounces = Bounces(gathered.samples.seen, unseen)
+            unseen = unseen_light(here.around, lights, relative, besides, sight.visible, sight.far)
+            bounces = Bounces(here.around.samples.seen, unseen)
             matt = yield from solve_materials(samples, lights, lit, seen, bounces=bounces, rounds=0)
             bounces = replace(bounces, factor=matt.factor)
             power = matt.radiometry.strengths.mean(axis=1)
             relative = power / max(power[0], 1e-300)
-            around = 0.0 if matt.bounced is None else float(matt.bounced.mean())
+            besides = 0.0 if matt.bounced is None else float(matt.bounced.mean())
         without = yield from solve_materials(samples, lights, lit, seen, rounds=0)
         gain = left_over(samples, without.radiometry) - left_over(samples, matt.radiometry)
         bounces = bounces if gain > _BOUNCE_GAIN else None
     rounds = 1 if quality == "draft" else 2
     steps = solve_materials(samples, lights, lit, seen, bounces=bounces, card=card, rounds=rounds)
-    materials = yield from shifted(steps, 0.5, 1.0)
-    clock.mark("solve")
-    scale = SCALE if card is None else f"the albedo of {card.name} is {', '.join(f'{x:g}' for x in card.albedo)}"
-    found = materials.radiometry
-    chosen, considered = _named(materials, samples), _considered(materials, samples)
-    result = _assembled(photo, samples, tuple(lights), found, (None,) * len(lights), chosen, considered, clock)
-    gloss = dict(zip(samples.names, materials.gloss, strict=True))
-    surfaces = tuple(
-        replace(s, specular=gloss[s.name].strength, roughness=gloss[s.name].width) for s in result.surfaces
-    )
-    return replace(result, surfaces=surfaces, scale=scale)
+    return (yield from shifted(steps, 0.4, 1.0))
 
 
 def _named(materials: Materials, samples: Samples) -> str:
     """What the solve took into account, in words."""
     glossy = [name for name, one in zip(samples.names, materials.gloss, strict=True) if one]
-    return "given lights, constant ambient" + (f", gloss of {', '.join(glossy)}" if glossy else ", no gloss")
+    bounced = ", interreflection" if materials.bounced is not None else ""
+    return f", constant ambient{bounced}" + (f", gloss of {', '.join(glossy)}" if glossy else ", no gloss")
 
 
 def _considered(materials: Materials, samples: Samples) -> tuple[Candidate, ...]:
@@ -199,12 +211,12 @@ def _assembled(
     photo: Photo,
     samples: Samples,
     lights: tuple[Light, ...],
-    radiometry: Radiometry,
+    materials: Materials,
     sure: tuple[Uncertainty | None, ...],
     chosen: str,
-    candidates: tuple[Candidate, ...],
     clock: _Clock,
 ) -> Estimate:
+    radiometry = materials.radiometry
     weight, residual = samples.weight, radiometry.residual
     model = np.maximum(samples.colour - residual, 0.0)
     off = 255 * np.abs(linear_to_srgb(np.clip(samples.colour, 0, 1)) - linear_to_srgb(np.clip(model, 0, 1)))
@@ -220,7 +232,8 @@ def _assembled(
         level = np.average(samples.colour[of].mean(axis=1), weights=weight[of])
         spread = 1.4826 * float(np.median(np.abs(residual[of].mean(axis=1))))
         textured = bool(spread > _TEXTURED * max(level, 1e-12))
-        surfaces.append(Surface(name, radiometry.albedo[i], int(of.sum()), textured))
+        gloss = materials.gloss[i]
+        surfaces.append(Surface(name, radiometry.albedo[i], int(of.sum()), textured, gloss.strength, gloss.width))
     message = ""
     if not radiometry.albedo.any() or not any(s.any() for s in radiometry.strengths):
         message = "No light of positive strength explains the photo: check the camera and the geometry"
@@ -236,8 +249,8 @@ def _assembled(
         rms=float(np.sqrt(np.average((residual**2).mean(axis=1), weights=weight))),
         noise=noise_of(photo),
         mean_abs_8bit=np.average(off, axis=0, weights=weight),
-        chosen=chosen,
-        candidates=candidates,
+        chosen=chosen + _named(materials, samples),
+        candidates=_considered(materials, samples),
         scale=SCALE,
         message=message,
         warnings=tuple(warnings),

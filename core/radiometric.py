@@ -19,7 +19,7 @@ LARGEST_ALBEDO = 0.8
 SCALE = "largest albedo channel 0.8, first light white: only strength times albedo can be seen"
 _COLOUR_GAIN = 0.02  # of the logarithm of what is left over: 2 % less
 _ROUNDS = 200
-_SETTLED = 1e-7
+_SETTLED = 1e-6
 
 
 @dataclass(frozen=True, slots=True)

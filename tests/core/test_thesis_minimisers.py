@@ -7,8 +7,9 @@ import pytest
 
 from core.light_fit import fit_light
 from core.light_problem import Problem, cost, expected_residual
+from core.light_search import SOLVERS
 from core.lights import shading
-from core.pipeline import SOLVERS, estimate
+from core.pipeline import estimate
 from core.samples import choose_samples, extent_of
 from core.thesis_minimisers import Chart, fit_light_bfgs, fit_light_powell
 from core.types import Photo, PointLight, SunLight
