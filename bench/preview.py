@@ -29,7 +29,7 @@ from .run import line
 from .scenes import AIM, scene_folder
 
 SIZE = (640, 480)
-COLUMNS = ("scene", "edit", "preview s", "Cycles s", "difference %", "Cycles 64 differs %")
+COLUMNS = ("scene", "edit", "preview s", "Cycles s", "difference %", "Cycles at 64 samples %")
 
 
 def edits(light: Light) -> dict[str, list[Light]]:
@@ -81,7 +81,6 @@ def measure(folder: Path) -> None:
         true = drain(render(scene, 128, seed=3, direct_only=True))
         cells = [folder.name, name, f"{mine_took:.2f}", f"{took:.1f}", f"{_off(mine, true, pure):.2f}"]
         print(line([*cells, f"{_off(quick, true, pure):.2f}"]), flush=True)
-        np.savez(f"/tmp/w/mat/prev-{name.replace(' ', '')}.npz", mine=mine, true=true, pure=pure)
 
 
 def _off(picture: Array, true: Array, where: Array) -> float:

@@ -6,6 +6,7 @@ from .types import Array, Mask
 
 _DARK = 0.05  # of the usual render: below it the photo over the render is no measure of anything
 _LARGEST_GAIN = 2.0  # of a change: where the photo is brighter than the render, something else lights it too
+_LOOKED_AT = 1000  # rows that say how bright a render usually is
 _ROWS = 256  # done at a time, so that a large photo needs no second one in memory
 _SEEN = 1 / 255  # of white, encoded by a square root: a smaller change is none
 _LIT_UP = 4.0  # times as bright as it was: in the dark, what the photo knows is multiplied by so much
@@ -41,8 +42,12 @@ def gain_of(photo: Array, was: Array) -> Array:
 
 def edited(photo: Array, reshaded: Array) -> Mask:
     """The pixels (H, W) that an edit changed by as much as can be seen."""
-    apart = np.sqrt(np.maximum(reshaded, 0.0)) - np.sqrt(np.maximum(photo, 0.0))
-    return np.abs(apart).max(axis=2) > _SEEN
+    out = np.empty(photo.shape[:2], dtype=bool)
+    for first in range(0, len(photo), _ROWS):
+        rows = slice(first, first + _ROWS)
+        apart = np.sqrt(np.maximum(reshaded[rows], 0.0)) - np.sqrt(np.maximum(photo[rows], 0.0))
+        out[rows] = np.abs(apart).max(axis=2) > _SEEN
+    return out
 
 
 def uncertain(photo: Array, was: Array, is_now: Array, covered: Array, clipped: Mask, modelled: Mask) -> Mask:
@@ -66,7 +71,8 @@ def uncertain(photo: Array, was: Array, is_now: Array, covered: Array, clipped: 
 
 
 def _doubt(was: Array) -> float:
-    lit = was[was > 0]
+    some = was[:: max(1, len(was) // _LOOKED_AT)]  # of a large picture a part tells as much
+    lit = some[some > 0]
     usual = float(np.median(lit)) if len(lit) else 1.0
     return (_DARK * usual) ** 2
 
