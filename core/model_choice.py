@@ -10,9 +10,10 @@ from .lights import reach_of
 from .types import AreaLight, PointLight, SunLight
 
 _AS_WELL = 0.05  # of negative log likelihood a sample: residuals 5 % larger are no evidence, models are never exact
-# Of the scene's extent. A rectangle's distance, tilt and sides show as one gradient of a per cent from afar, and that
-# of a point is below what any model is right to.
-_TOO_FAR = {AreaLight: 10.0, PointLight: 100.0, SunLight: 0.0}
+# From beyond so many extents of the scene a rectangle's distance, tilt and sides show as one gradient of a few per
+# cent, which anything unmodelled outweighs: it has to explain clearly more than a point.
+_FAR, _CLEARLY = 10.0, 0.3
+_NO_POINT = 100.0  # extents: a point as far is a sun
 _SIMPLER = (SunLight, PointLight, AreaLight)
 
 
@@ -27,16 +28,12 @@ def choose(fits: Sequence[LightFit], scores: Sequence[float], problem: Problem, 
     """Choose among fits by their criteria on `problem`; returns the index.
 
     A sun is simpler than a point and a point than a rectangle, and a simpler light that explains the photo as well is
-    taken. A rectangle farther than ten extents of the scene, or a point farther than a hundred, is taken only where
-    nothing else was fitted.
+    taken; than a rectangle beyond ten extents of the scene, also one that explains it somewhat less well.
     """
-    within = 2 * _AS_WELL * len(problem.samples)
-    near = [i for i, fit in enumerate(fits) if not _too_far(fit, problem, extent)] or range(len(fits))
-    best = min(scores[i] for i in near)
-    good = [i for i in near if scores[i] <= best + within]
+    away = [0.0 if isinstance(fit.light, SunLight) else reach_of(fit.light, problem.middle) / extent for fit in fits]
+    near = [i for i in range(len(fits)) if away[i] < _NO_POINT] or list(range(len(fits)))
+    best = min(near, key=lambda i: scores[i])
+    doubtful = isinstance(fits[best].light, AreaLight) and away[best] > _FAR
+    within = 2 * (_CLEARLY if doubtful else _AS_WELL) * len(problem.samples)
+    good = [i for i in near if scores[i] <= scores[best] + within]
     return min(good, key=lambda i: (_SIMPLER.index(type(fits[i].light)), scores[i]))
-
-
-def _too_far(fit: LightFit, problem: Problem, extent: float) -> bool:
-    away = 0.0 if isinstance(fit.light, SunLight) else reach_of(fit.light, problem.middle)
-    return away > _TOO_FAR[type(fit.light)] * extent
