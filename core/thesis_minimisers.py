@@ -2,8 +2,8 @@
 
 Both minimise the same robust loss of the same problem over one vector: a step of `lights.moved` from the start, the
 logarithm of each surface's strength over what it starts with, and how much there is of what is around, which a penalty
-keeps from going negative. A minimisation is done in rounds: after each, what is expected of the residuals is asked anew, as the
-trust-region fit does after each step.
+keeps from going negative. A minimisation is done in rounds: after each, what is expected of the residuals is asked
+anew, as the trust-region fit does after each step.
 """
 
 from collections.abc import Callable, Generator

@@ -109,7 +109,12 @@ def test_the_scene_is_ready_to_estimate_light_in(coffee):
     assert not [o for o in coffee.objects if o.type == "LIGHT"]
     assert tuple(coffee.world.node_tree.nodes["Background"].inputs["Color"].default_value)[:3] == (0.0, 0.0, 0.0)
     assert {m.name for m in bpy.data.materials} == {
-        "table wood", "saucer glaze", "cup glaze", "cup inside", "coffee", "spoon steel",
+        "table wood",
+        "saucer glaze",
+        "cup glaze",
+        "cup inside",
+        "coffee",
+        "spoon steel",
     }
 
 

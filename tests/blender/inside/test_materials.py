@@ -69,4 +69,6 @@ def test_a_coat_stronger_than_the_level_allows_gets_another_index(fresh_scene, l
 def test_the_card_must_be_in_the_photo(glossy, load, drain, card):
     scene, photo = glossy
     with pytest.raises(load("core.errors").ReshadeError, match="Carpet"):
-        drain(load("reshade_addon.solving").solve_materials(scene, photo, quality="draft", card=card("Carpet", [0.9] * 3)))
+        drain(
+            load("reshade_addon.solving").solve_materials(scene, photo, quality="draft", card=card("Carpet", [0.9] * 3))
+        )
