@@ -60,8 +60,13 @@ def unpack(p: Array) -> tuple[Camera, Cup]:
     """The unknowns (degrees, kilopixels, millimetres; the white edge in radians) as camera and cup."""
     camera = Camera(float(np.radians(p[0])), float(np.radians(p[1])), 1000.0 * float(p[2]), to_metres(p[3:6]))
     cup = Cup(
-        to_metres(p[6:8]), tuple(np.radians(p[8:10]).tolist()), *to_metres(p[10:14]), float(p[14]), float(p[15] * MM),
-        to_metres(p[16:21]), to_metres(p[21:23]),
+        to_metres(p[6:8]),
+        tuple(np.radians(p[8:10]).tolist()),
+        *to_metres(p[10:14]),
+        float(p[14]),
+        float(p[15] * MM),
+        to_metres(p[16:21]),
+        to_metres(p[21:23]),
     )
     return camera, cup
 
@@ -71,8 +76,11 @@ def to_metres(millimetres: Array) -> tuple[float, ...]:
 
 
 START = np.r_[  # in the order of unpack
-    [56.3, 7.8, 1.9, -7.0, 12.0, 570.0], [0.0, 0.0, 0.0, 0.0], [32.5, 27.1, 66.0, 2.5, 0.3],
-    [20.8, 24.0, 28.0, 31.0, 32.5, 33.0], [24.6, 43.6],
+    [56.3, 7.8, 1.9, -7.0, 12.0, 570.0],
+    [0.0, 0.0, 0.0, 0.0],
+    [32.5, 27.1, 66.0, 2.5, 0.3],
+    [20.8, 24.0, 28.0, 31.0, 32.5, 33.0],
+    [24.6, 43.6],
 ]
 
 

@@ -141,9 +141,11 @@ def match_coffee_edge(outlines: dict[str, Array]) -> tuple[float, ...]:
     ray = CAMERA.rays(outlines["coffee_edge"]) @ pose[:3, :3]
     hits = []
     for d in ray:
+
         def outside(t: float, d: Array = d) -> float:
             q = eye + t * d
             return float(np.hypot(q[0], q[1]) - np.interp(q[2], wall[::-1, 1], wall[::-1, 0]))
+
         deep, shallow = (wall[-1, 1] - eye[2]) / d[2], (CUP.shoulder - eye[2]) / d[2]
         hits.append(eye + brentq(outside, shallow, deep) * d)
     q = np.array(hits)

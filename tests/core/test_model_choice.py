@@ -45,5 +45,3 @@ def test_a_far_light_has_no_sides(ball):
 
 def test_a_near_rectangle_keeps_its_sides(ball):
     assert isinstance(found(ball, ball.photo(ball.light())).lights[0], AreaLight)
-
-
