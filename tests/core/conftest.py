@@ -8,7 +8,7 @@ import pytest
 
 from core.camera import pixel_centres, rays
 from core.form_factor import form_factor
-from core.types import AreaLight, Buffers, Camera, Photo
+from core.types import AreaLight, Buffers, Camera, Hits, Photo
 
 hypothesis.settings.register_profile("repeatable", derandomize=True, deadline=None)
 hypothesis.settings.load_profile("repeatable")
@@ -34,6 +34,20 @@ class BallScene:
         root = b * b - a * c
         near = (-b - np.sqrt(np.maximum(root, 0.0))) / a
         return ~((root > 0) & (near > 0) & (near < 1)) & (target[:, 2] > 0)
+
+    def meets(self, points, ways):
+        """What rays meet first: the ball, or the floor, of which the photo shows what is in the buffers."""
+        away = points - self.unit * CENTRE
+        b, c = (away * ways).sum(axis=1), (away**2).sum(axis=1) - (self.unit * RADIUS) ** 2
+        root = b * b - c
+        near = -b - np.sqrt(np.maximum(root, 0.0))
+        ball = (root > 0) & (near > 0)
+        down = ways[:, 2] < 0
+        distance = np.where(down, -points[:, 2] / np.where(down, ways[:, 2], 1.0), np.nan)
+        distance = np.where(ball, near, distance)
+        point = points + distance[:, None] * ways
+        normal = np.where(ball[:, None], (point - self.unit * CENTRE) / (self.unit * RADIUS), [0.0, 0.0, 1.0])
+        return Hits(point, normal, np.where(ball, 1, np.where(down, 0, -1)))
 
     def openness(self, points, normals):
         """Share of the world that a point of the floor sees past the ball, one of the ball past the floor."""
