@@ -20,7 +20,7 @@ from .errors import ReshadeError
 from .gloss import MATT, STRONGEST, Gloss, GlossFit, Lit, base_share, specular_term
 from .interreflection import Surroundings
 from .lights import shading as shading_of
-from .radiometric import Radiometry, left_over, solve_radiometry
+from .radiometric import SCALE, Radiometry, left_over, solve_radiometry
 from .samples import first, subset
 from .types import Array, Light, Progress, Samples, Visible
 from .visibility import visible_fraction
@@ -30,6 +30,7 @@ _EVIDENT = 10.0  # gain of the Bayesian criterion, as for a highlight
 _UNSEEN_RAYS = 16  # to a light from each patch the photo does not show
 _HEARD = 2e-3  # of what falls on such places: surfaces that send less to the samples are left out
 _SEARCHED = 800  # samples that tell how much light comes from other surfaces
+_DARKEST, _BRIGHTEST = 0.3, 0.98  # the brightest albedo of a scene, for its scale to be believed
 _STEP = 1.62  # between factors tried
 
 
@@ -132,6 +133,22 @@ def _to_card(found: Radiometry, names: Sequence[str], card: Card) -> Radiometry:
     return replace(
         found, strengths=found.strengths / factor, ambient=found.ambient / factor, albedo=found.albedo * factor
     )
+
+
+def absolute(materials: Materials) -> tuple[Materials, str]:
+    """Give strengths and albedos the scale at which surfaces send one another as much as the photo shows.
+
+    Only the product of strength and albedo shows in direct light; light that was reflected twice has the albedo twice.
+    Returns the convention too. It stays as it was where there is no such light, or the albedos it asks for are none.
+    """
+    found = materials.radiometry
+    by = materials.factor * float(found.strengths[0].mean()) if materials.bounced is not None else 0.0
+    if not _DARKEST < by * found.albedo.max(initial=0.0) < _BRIGHTEST:
+        return materials, SCALE
+    scaled = replace(found, strengths=found.strengths / by, ambient=found.ambient / by, albedo=found.albedo * by)
+    gloss = tuple(replace(one, strength=min(one.strength * by, STRONGEST)) for one in materials.gloss)
+    words = "albedos as bright as the light that surfaces send one another asks for, first light white"
+    return replace(materials, radiometry=scaled, gloss=gloss), words
 
 
 def unseen_light(

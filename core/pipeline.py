@@ -14,7 +14,7 @@ from .color import linear_to_srgb
 from .hints import Hint
 from .light_search import Asked, Effort, Sight, asked, look, polished, search
 from .lights import reach_of, shading, with_strength
-from .materials import Bounces, Card, Materials, solve_materials, unseen_light
+from .materials import Bounces, Card, Materials, absolute, solve_materials, unseen_light
 from .noise import noise_of
 from .progress import shifted
 from .radiometric import SCALE, left_over
@@ -91,10 +91,11 @@ def estimate(
         again = polished(sight, replace(here, samples=materials.matt), fit.light, effort)
         fit, _ = yield from shifted(again, 0.9, 0.95)
         materials = yield from shifted(_materials(sight, here, (fit.light,), quality, bounce=found.bounce), 0.95, 0.99)
+    materials, scale = absolute(materials)
     clock.mark("solve")
     sure = (uncertainty_of(fit, reach_of(fit.light, sight.middle)),)
     result = _assembled(photo, here.samples, (fit.light,), materials, sure, f"{found.name} light", clock)
-    result = replace(result, candidates=(*found.candidates, *result.candidates))
+    result = replace(result, candidates=(*found.candidates, *result.candidates), scale=scale)
     result = replace(result, starts=tuple(Tried(entry.cue, entry.score) for entry in found.starts))
     if not fit.converged:
         result = replace(result, warnings=(*result.warnings, "The fit was still improving when it stopped."))
@@ -124,10 +125,13 @@ def solve(
     here = yield from shifted(asked(sight, samples), 0.0, 0.15)
     clock.mark("samples")
     materials = yield from shifted(_materials(sight, here, lights, quality, card), 0.15, 1.0)
+    if card is None:
+        materials, scale = absolute(materials)
+    else:
+        scale = f"the albedo of {card.name} is {', '.join(f'{x:g}' for x in card.albedo)}"
     clock.mark("solve")
     unknown = (None,) * len(lights)
     result = _assembled(photo, here.samples, tuple(lights), materials, unknown, "given lights", clock)
-    scale = SCALE if card is None else f"the albedo of {card.name} is {', '.join(f'{x:g}' for x in card.albedo)}"
     return replace(result, scale=scale)
 
 
