@@ -7,7 +7,15 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from core.light_fit import fit_light
-from core.light_problem import Problem, brightness, expected_residual, model_jacobian
+from core.light_problem import (
+    Problem,
+    brightness,
+    covariance,
+    expected_residual,
+    model_jacobian,
+    patches,
+    weighted_quantile,
+)
 from core.lights import moved, reach_of, shading
 from core.samples import choose_samples, extent_of
 from core.types import AreaLight, Photo, PointLight, SunLight
@@ -145,6 +153,26 @@ def test_ninety_percent_intervals_hold_the_truth_about_so_often(ball):
     assert 0.80 <= np.mean(held) <= 0.97
 
 
+def test_an_error_that_is_the_same_all_over_a_patch_widens_the_deviations(ball):
+    """Errors of the same size: drawn anew for each sample, or one for all samples of a patch."""
+    true = ball.light()
+    problem = unshadowed(ball, true, with_ambient=False)
+    patch, level = patches(problem.samples), 0.01 * problem.brightness.mean()
+
+    def deviations(error):
+        wrong = replace(problem, brightness=problem.brightness + level * error)
+        state = wrong.start(true)
+        return np.sqrt(np.diag(covariance(wrong, state, expected_residual(wrong, state)))[:8])
+
+    ratios = []
+    for seed in range(12):
+        rng = np.random.default_rng(seed)
+        alone, together = rng.normal(size=len(patch)), rng.normal(size=patch.max() + 1)[patch]
+        ratios.append(deviations(together) / deviations(alone))
+    # Three samples a patch: the root of three, less what the larger of two deviations takes from chance.
+    assert 1.15 < np.mean(ratios) < 1.75
+
+
 def test_what_is_expected_of_a_residual_is_its_spread_on_each_surface(ball):
     true = ball.light()
     problem = unshadowed(ball, true, with_ambient=False)
@@ -155,3 +183,8 @@ def test_what_is_expected_of_a_residual_is_its_spread_on_each_surface(ball):
     spread = expected_residual(problem, problem.start(true))
     for s in (0, 1):
         assert spread[surface == s][0] == pytest.approx(noise[surface == s].std(), rel=0.2)
+
+
+def test_a_weighted_quantile_counts_weights_and_not_values():
+    values, weights = np.array([3.0, 1.0, 2.0]), np.array([1.0, 8.0, 1.0])
+    assert [weighted_quantile(values, weights, share) for share in (0.1, 0.5, 0.85, 0.95, 1.0)] == [1, 1, 2, 3, 3]

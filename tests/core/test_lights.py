@@ -7,8 +7,11 @@ from core.lights import (
     across,
     coordinates,
     facing,
+    farthest_apart,
+    incidence,
     moved,
     reach_of,
+    resized,
     shading,
     shading_gradient,
     strength_of,
@@ -97,3 +100,42 @@ def test_across_is_right_handed(axis):
 @pytest.mark.parametrize("light", lights(), ids=lambda light: type(light).__name__)
 def test_strength_there_and_back(light):
     np.testing.assert_array_equal(strength_of(with_strength(light, np.array([1.0, 2.0, 3.0]))), [1, 2, 3])
+
+
+@pytest.mark.parametrize("number", range(2))
+def test_a_light_that_is_carried_off_is_as_far_off_as_it_was_carried(number):
+    light = lights()[number]
+    step = np.zeros(coordinates(light))
+    step[:3] = [0.03, -0.04, 0.0]
+    reach = reach_of(light, MIDDLE)
+    assert farthest_apart(light, light) == 0
+    np.testing.assert_allclose(farthest_apart(light, moved(light, step, reach)), 0.05 * reach, rtol=1e-12)
+
+
+def test_a_rectangle_that_is_turned_or_stretched_has_moved_edges():
+    light = lights()[0]
+    corner = np.linalg.norm(light.size) / 2
+    turned = moved(light, np.array([0, 0, 0, 0, 0, 0.02, 0, 0]), 1.0)
+    np.testing.assert_allclose(farthest_apart(light, turned), 2 * np.sin(0.01) * corner, rtol=1e-9)
+    grown = moved(light, np.array([0, 0, 0, 0, 0, 0, 0.1, 0.1]), reach_of(light, MIDDLE))
+    np.testing.assert_allclose(farthest_apart(light, grown), np.expm1(0.1) * corner, rtol=1e-9)
+    assert farthest_apart(light, lights()[1]) == np.inf
+
+
+def test_other_sizes_stand_where_the_light_stands_and_shine_the_same_way():
+    light = lights()[0]
+    others = resized(light)
+    for other in others:
+        np.testing.assert_array_equal(other.centre, light.centre)
+        np.testing.assert_allclose(other.normal, light.normal, atol=1e-12)
+        assert abs(other.u @ other.v) < 1e-12
+        assert other.size[0] == other.size[1]
+    areas = np.array([other.size.prod() for other in others]) / light.size.prod()
+    assert areas.min() < 0.2 and areas.max() > 20 and np.isclose(areas, 1).sum() == 2
+
+
+def test_incidence_is_the_cosine_to_the_centre():
+    points, normals = np.zeros((3, 3)), np.eye(3)
+    away = np.array([0.7, -0.4, 1.9])
+    for light in lights():
+        np.testing.assert_allclose(incidence(light, points, normals), away / np.linalg.norm(away), rtol=1e-12)
