@@ -11,10 +11,10 @@ from scipy import ndimage
 from ..core.camera import pixel_centres
 from ..core.highlights.products import SEEN, Split
 from ..core.highlights.with_scene import Fragments, SceneSplit, split_with_scene
+from ..core.progress import shifted
 from ..core.types import Array, Light, Photo, Progress, Samples
 from ..core.visibility import openness, visible_fraction
 from . import reference
-from .progress import part
 from .render_depsgraph import with_render_depsgraph
 from .scene_read import SceneView, cast, check_aspect, read_buffers, read_light, read_view
 
@@ -39,14 +39,14 @@ def split_scene(scene: bpy.types.Scene, photo: Photo) -> Generator[Progress, Non
         lights = with_render_depsgraph(copy.scene, _lights)
         ambient = _world(copy.scene)
         own_name = {material.name: name for name, material in copy.materials.items()}
-    seen = yield from part(_fragments(view, lights, bool(ambient.any())), 0.0, 0.4)
+    seen = yield from shifted(_fragments(view, lights, bool(ambient.any())), 0.0, 0.4)
     surfaces = _surfaces(whole, seen.names)
     seen = replace(seen, names=tuple(own_name[name] for name in seen.names))
-    found = yield from part(split_with_scene(small, seen, lights, ambient), 0.4, 0.9)
+    found = yield from shifted(split_with_scene(small, seen, lights, ambient), 0.4, 0.9)
     if factor == 1:
         return found
     both = np.concatenate([found.split.specular, found.split.diffuse], axis=2)
-    both = yield from part(_enlarged(both, seen, whole, surfaces, factor), 0.9, 1.0)
+    both = yield from shifted(_enlarged(both, seen, whole, surfaces, factor), 0.9, 1.0)
     specular = both[..., :3]
     diffuse = photo.linear - np.minimum(specular, np.maximum(photo.linear, 0.0))
     rebuilt = photo.clipped & (specular.max(axis=2) > SEEN * float(photo.linear.max()))
@@ -70,7 +70,7 @@ def _world(scene: bpy.types.Scene) -> Array:
 
 def _fragments(view: SceneView, lights: Sequence[Light], with_sky: bool) -> Generator[Progress, None, Fragments]:
     """What each pixel shows, and how much of each light and of the sky arrives there."""
-    buffers = yield from part(read_buffers(view), 0.0, 0.3)
+    buffers = yield from shifted(read_buffers(view), 0.0, 0.3)
     shown = buffers.surface >= 0
     mixed = buffers.mixed & ndimage.binary_dilation(shown)
     pure = np.flatnonzero(shown & ~mixed)
@@ -78,7 +78,7 @@ def _fragments(view: SceneView, lights: Sequence[Light], with_sky: bool) -> Gene
     steps = (np.arange(SUBPIXELS) + 0.5) / SUBPIXELS - 0.5
     within = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
     centres = pixel_centres(view.camera.width, view.camera.height).reshape(-1, 2)
-    rays = yield from part(cast(view, (centres[at][:, None] + within).reshape(-1, 2), 0.0, 1.0), 0.3, 0.4)
+    rays = yield from shifted(cast(view, (centres[at][:, None] + within).reshape(-1, 2), 0.0, 1.0), 0.3, 0.4)
     hit = np.flatnonzero(rays.triangle >= 0)
     surface = _surfaces(view, buffers.names)[rays.triangle[hit]]
     hit, surface = hit[surface >= 0], surface[surface >= 0]
@@ -152,7 +152,7 @@ def _enlarged(
     for start in range(0, len(out), rows_each):
         rows = np.arange(start, min(start + rows_each, len(out)))
         xy = np.stack(np.meshgrid(columns + 0.5, rows + 0.5), axis=-1)
-        rays = yield from part(cast(whole, xy.reshape(-1, 2), 0.0, 1.0), start / len(out), rows[-1] / len(out))
+        rays = yield from shifted(cast(whole, xy.reshape(-1, 2), 0.0, 1.0), start / len(out), rows[-1] / len(out))
         own = surfaces[rays.triangle].reshape(xy.shape[:2])
         place = [(x + 0.5) / factor - 0.5 for x in (rows, columns)]
         low = [np.floor(x).astype(np.intp) for x in place]

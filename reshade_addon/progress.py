@@ -1,4 +1,4 @@
-"""Generators of progress: a computation yields `Progress` and returns its result."""
+"""Running a generator of progress to its end."""
 
 from collections.abc import Callable, Generator
 from typing import TypeVar
@@ -19,13 +19,3 @@ def drain(steps: Generator[Progress, None, Result], tell: Callable[[Progress], N
         return end.value
     finally:
         steps.close()
-
-
-def part(steps: Generator[Progress, None, Result], start: float, end: float) -> Generator[Progress, None, Result]:
-    """Run a computation as a part of a longer one, from fraction `start` to `end` of it, and return its result."""
-    while True:
-        try:
-            step = next(steps)
-        except StopIteration as stop:
-            return stop.value
-        yield Progress(start + (end - start) * step.fraction, step.message)

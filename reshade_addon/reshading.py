@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from ..core import camera as pinhole
 from ..core.errors import ReshadeError
+from ..core.progress import shifted
 from ..core.reshade import combine, edited, uncertain
 from ..core.types import Array, Camera, Photo, Progress
 from . import reference
 from .geometry import RayCaster, SceneGeometry
-from .progress import part
 from .render_depsgraph import settings
 from .rendering import render, render_passes
 from .scene_read import read_camera, read_view, silhouette
@@ -47,18 +47,18 @@ def reshade_layers(scene: bpy.types.Scene, photo: Photo, samples: int) -> Genera
 
     Raises ReshadeError as `reshade` does.
     """
-    found = yield from part(_renders(scene, photo, samples), 0.0, 0.6)
+    found = yield from shifted(_renders(scene, photo, samples), 0.0, 0.6)
     size = photo.size
     nothing = np.zeros((size[1], size[0]))
     reshaded, covered = photo.linear, nothing
-    modelled = yield from part(silhouette(read_view(scene, size)), 0.6, 0.65)
+    modelled = yield from shifted(silhouette(read_view(scene, size)), 0.6, 0.65)
     doubtful = ~modelled
     if found is not None:
         reshaded, covered = combine(photo.linear, *found), found[2]
         doubtful = uncertain(photo.linear, *found, photo.clipped, modelled)
     del found
     with _sized(scene, size):
-        passes = yield from part(render_passes(scene, samples), 0.65, 1.0)
+        passes = yield from shifted(render_passes(scene, samples), 0.65, 1.0)
     layers = {"Reshaded": reshaded, "Photo": photo.linear, "Change": reshaded - photo.linear, **passes}
     masks = {"Edited": edited(photo.linear, reshaded), "Uncertain": doubtful, "Covered": covered}
     return layers | masks
@@ -79,10 +79,10 @@ def _renders(
                 "The camera is not as it was when the photo was explained", "Put it back, or estimate the light again"
             )
         camera = read_camera(scene, photo.size)
-        covered = yield from part(_covered(camera, then, now), 0.0, 0.1)
+        covered = yield from shifted(_covered(camera, then, now), 0.0, 0.1)
         with _alike(scene, before, photo.size):
-            was = yield from part(reference.picture(scene, before, samples), 0.1, 0.55)
-            is_now = yield from part(render(scene, samples), 0.55, 1.0)
+            was = yield from shifted(reference.picture(scene, before, samples), 0.1, 0.55)
+            is_now = yield from shifted(render(scene, samples), 0.55, 1.0)
     return was, is_now, covered
 
 
@@ -115,7 +115,7 @@ def _covered(camera: Camera, then: SceneState, now: SceneState) -> Generator[Pro
     for number, (one, other) in enumerate(((then, now), (now, then))):
         changed = _changed(one.geometry, other.geometry)
         if changed.any():
-            seen = yield from part(_seen(camera, one.geometry, changed), number / 2, (number + 1) / 2)
+            seen = yield from shifted(_seen(camera, one.geometry, changed), number / 2, (number + 1) / 2)
             covered = np.maximum(covered, seen)
     return covered
 

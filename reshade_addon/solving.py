@@ -13,11 +13,11 @@ from ..core.errors import NothingToLearn, ReshadeError
 from ..core.hints import Hint
 from ..core.materials import Card
 from ..core.pipeline import estimate, solve
+from ..core.progress import shifted
 from ..core.report import to_dict
 from ..core.types import AreaLight, Array, Buffers, Estimate, Light, Photo, Progress
 from . import reference, scene_write
 from .photo_image import picture_image
-from .progress import part
 from .projection import projection_group
 from .scene_copy import SceneCopy, original, packed, unpacked
 from .scene_read import (
@@ -79,7 +79,7 @@ def estimate_light(
         start=start,
         hints=hints,
     )
-    result = yield from part(steps, READ, SOLVED)
+    result = yield from shifted(steps, READ, SOLVED)
     solution = Solution(result, quality, view)
     return (yield from _completed(scene, photo, solution, reading, began))
 
@@ -101,7 +101,7 @@ def solve_materials(
     reading = perf_counter() - began
     meet = meets(view, buffers.names)
     steps = solve(photo, view.camera, buffers, view.caster.visible, lights, meets=meet, quality=quality, card=card)
-    result = yield from part(steps, READ, SOLVED)
+    result = yield from shifted(steps, READ, SOLVED)
     solution = Solution(result, quality, view, tuple(obj.name for obj in objects))
     return (yield from _completed(scene, photo, solution, reading, began))
 
@@ -130,7 +130,7 @@ def _read(scene: bpy.types.Scene, photo: Photo, quality: str) -> Generator[Progr
     check_aspect(scene, photo.size)
     view = read_view(scene, photo.size)
     stride = max(1, int(np.sqrt(photo.size[0] * photo.size[1] / PIXELS_READ[quality])))
-    buffers = yield from part(read_buffers(view, stride), 0.0, READ)
+    buffers = yield from shifted(read_buffers(view, stride), 0.0, READ)
     return view, buffers
 
 
@@ -140,13 +140,13 @@ def _completed(
     """Add the texture of textured surfaces and the time all took."""
     if solution.estimate and any(surface.textured for surface in solution.estimate.surfaces):
         view = texture_view(scene, solution.view, photo.size, solution.quality)
-        buffers = yield from part(read_buffers(view), SOLVED, 0.85)
+        buffers = yield from shifted(read_buffers(view), SOLVED, 0.85)
         yield Progress(0.85, "Copying the scene")
         with unpacked(packed(scene)) as copy:
             _put(copy, solution, None)
             surfaces = solution.estimate.surfaces
             steps = albedo_texture(copy.scene, photo, view, buffers, surfaces, copy.materials, solution.quality)
-            texture = yield from part(steps, 0.85, 1.0)
+            texture = yield from shifted(steps, 0.85, 1.0)
         solution = replace(solution, texture=texture)
     seconds = {"read": reading, **solution.estimate.seconds, "total": perf_counter() - began}
     return replace(solution, estimate=replace(solution.estimate, seconds=seconds))

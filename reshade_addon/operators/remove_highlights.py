@@ -6,11 +6,11 @@ import bpy
 
 from ...core.errors import ReshadeError
 from ...core.highlights import METHODS, Split, split
+from ...core.progress import shifted
 from ...core.types import Progress
 from .. import highlights, missing, reference
 from ..highlights_scene import split_scene
 from ..jobs import Job
-from ..progress import part
 
 Found = list[tuple[bpy.types.Image, Split, str]]  # and what else there is to say
 
@@ -57,11 +57,11 @@ class RESHADE_OT_remove_highlights(Job, bpy.types.Operator):
             photo, alpha = highlights.read(image)
             share = number / len(images), (number + 1) / len(images)
             if self._solved(context.scene, image):
-                result = yield from part(split_scene(context.scene, photo), *share)
+                result = yield from shifted(split_scene(context.scene, photo), *share)
                 gloss = ", ".join(one.in_words() for one in result.gloss)
                 found.append((image, result.split, f" ({gloss})"))
             else:
-                result = yield from part(split(photo, self.method, alpha > 0), *share)
+                result = yield from shifted(split(photo, self.method, alpha > 0), *share)
                 found.append((image, result, ""))
         return found
 
