@@ -22,6 +22,7 @@ from .interreflection import Surroundings
 from .lights import shading as shading_of
 from .radiometric import SCALE, Radiometry, left_over, solve_radiometry
 from .samples import first, subset
+from .segmentation import Labels, by_albedo
 from .types import Array, Light, Progress, Samples, Visible
 from .visibility import visible_fraction
 
@@ -122,6 +123,17 @@ def solve_materials(
         gloss = [replace(one, strength=min(one.strength * factor, STRONGEST)) for one in gloss]
     factor = 0.0 if bounces is None or bounces.factor is None else bounces.factor
     return Materials(found, bounced, factor, tuple(gloss), tuple(considered), matt)
+
+
+def in_regions(samples: Samples, found: Materials, label: Labels) -> Samples:
+    """Give each region of another albedo a surface of its own, under the light of a solve: see `by_albedo`.
+
+    label : (N,) segment of each sample
+    """
+    seen = found.matt or samples
+    albedo, model = found.radiometry.albedo[seen.surface], seen.colour - found.radiometry.residual
+    parts = by_albedo(seen, label, np.where(albedo > 0, model / np.where(albedo > 0, albedo, 1.0), 0.0))
+    return replace(samples, surface=parts.surface, names=parts.names)
 
 
 def _to_card(found: Radiometry, names: Sequence[str], card: Card) -> Radiometry:

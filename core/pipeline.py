@@ -14,10 +14,11 @@ from .color import linear_to_srgb
 from .hints import Hint
 from .light_search import Asked, Effort, Sight, asked, look, polished, search
 from .lights import reach_of, shading, with_strength
-from .materials import Bounces, Card, Materials, absolute, solve_materials, unseen_light
+from .materials import Bounces, Card, Materials, absolute, in_regions, solve_materials, unseen_light
 from .noise import noise_of
 from .progress import shifted
 from .radiometric import SCALE, left_over
+from .segmentation import at_samples, cut, whole
 from .types import (
     AreaLight,
     Buffers,
@@ -124,7 +125,11 @@ def solve(
     sight, samples = look(photo, camera, buffers, visible, meets, effort.samples)
     here = yield from shifted(asked(sight, samples), 0.0, 0.15)
     clock.mark("samples")
-    materials = yield from shifted(_materials(sight, here, lights, quality, card), 0.15, 1.0)
+    materials = yield from shifted(_materials(sight, here, lights, quality, card), 0.15, 0.6)
+    divided = in_regions(here.samples, materials, at_samples(cut(photo, buffers), here.samples, buffers.stride))
+    if len(divided.names) > len(samples.names):
+        here = replace(here, samples=divided)
+        materials = yield from shifted(_materials(sight, here, lights, quality, card), 0.6, 1.0)
     if card is None:
         materials, scale = absolute(materials)
     else:
@@ -132,7 +137,17 @@ def solve(
     clock.mark("solve")
     unknown = (None,) * len(lights)
     result = _assembled(photo, here.samples, tuple(lights), materials, unknown, "given lights", clock)
-    return replace(result, scale=scale)
+    return replace(result, scale=scale, surfaces=united(result.surfaces, samples.names))
+
+
+def united(surfaces: Sequence[Surface], names: Sequence[str]) -> tuple[Surface, ...]:
+    """The materials `names`, each with the regions it was divided into; the albedo that shows is the largest's."""
+    parts = {name: [one for one in surfaces if whole(one.name, names) == name] for name in names}
+    return tuple(
+        found[0] if len(found) == 1 else replace(found[0], textured=True, regions=tuple(found))
+        for found in parts.values()
+        if found
+    )
 
 
 def _materials(

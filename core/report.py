@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from .light_units import power_from_intensity, power_from_radiance
-from .types import AreaLight, Array, Estimate, Light, PointLight, SunLight, Uncertainty
+from .types import AreaLight, Array, Estimate, Light, PointLight, SunLight, Surface, Uncertainty
 
 SCHEMA = 1
 
@@ -29,16 +29,7 @@ def to_dict(estimate: Estimate, quality: str, light_names: Sequence[str]) -> dic
             "model": "constant" if np.any(estimate.ambient > 0) else "none",
             "radiance": _list(estimate.ambient),
         },
-        "surfaces": {
-            s.name: {
-                "albedo": _list(s.albedo),
-                "specular": s.specular,
-                "roughness": s.roughness,
-                "samples": s.samples,
-                "textured": s.textured,
-            }
-            for s in estimate.surfaces
-        },
+        "surfaces": {s.name: _surface(s) for s in estimate.surfaces},
         "residual": {
             "rms": estimate.rms,
             "rms_over_noise": estimate.rms / estimate.noise if estimate.noise > 0 else 0.0,
@@ -87,6 +78,19 @@ def _light(light: Light, name: str, sure: Uncertainty | None) -> dict[str, objec
             "log_energy": sure.log_energy,
             "weakest": sure.weakest,
         }
+    return out
+
+
+def _surface(surface: Surface) -> dict[str, object]:
+    out: dict[str, object] = {
+        "albedo": _list(surface.albedo),
+        "specular": surface.specular,
+        "roughness": surface.roughness,
+        "samples": surface.samples,
+        "textured": surface.textured,
+    }
+    if surface.regions:
+        out["regions"] = [{"albedo": _list(one.albedo), "samples": one.samples} for one in surface.regions]
     return out
 
 

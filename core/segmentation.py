@@ -1,17 +1,21 @@
 """Regions of uniform albedo within surfaces that hide several (thesis 4.3.1).
 
-Before a light is known. Light on a matt region of one albedo only scales its colour: the region's colours lie on one
-line through black, one principal component describes them (Klinker, Shafer and Kanade 1990). So where the colour's
-direction changes, the albedo does. Where only its length jumps, it may be an albedo of the same hue or the edge of a
-shadow; colour cannot tell. `segments` cuts surfaces at every sharp edge of either kind, and then joins what one
-principal component describes across shadows, or leaves it apart.
+`segments` cuts a photo at every sharp edge of brightness or hue: an edge may be that of an albedo or that of a shadow,
+and each segment is one albedo either way. Which of them belong together is told by the samples that lie in them:
 
-Once a light is known. The photo over its shading is the albedo: it does not change across the edge of a shadow.
-`joined` joins the segments whose albedos agree.
+Before a light is known, by hue. Light on a matt region of one albedo only scales its colour: the region's colours lie
+on one line through black, one principal component describes them (Klinker, Shafer and Kanade 1990). Shadows do not
+change hue, so `by_hue` is proof against them; two albedos of one hue stay together.
 
-Both are conservative: a pixel that cannot be told is -1, a segment that is too small to be a region is none.
+Under a light, by albedo: the photo over what a white surface would show there. `by_albedo` tells these too, and a
+shadow's edge is none.
+
+Both are conservative. Segments are joined unless they clearly differ, by more than a surface's segments vary in
+themselves: texture, a highlight and light that is not quite right join what is not sure. Regions that hold little of
+their surface are none.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -19,104 +23,157 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage, sparse
 from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
 
-from .types import Array, Buffers, Mask
+from .types import Array, Buffers, Mask, Photo, Samples
 
 Labels = NDArray[np.int32]
 
 REACH = 2  # pixels to either side of an edge: a lens and a photo's coding smear it
 EDGE = 0.2  # of the logarithm of the brightness across that: a sharper change is an edge
-HUE = 0.06  # between directions of colours, radians: farther apart are two albedos
-SAME = 0.10  # of an albedo's logarithm: segments closer than this, and than their own spread, are one
+GAP = 2  # pixels to either side by which edges are widened to close their gaps
+TURN = 0.06  # radians between directions of colours across that
+HUE = 0.25  # radians: segments whose colours' directions are farther apart are two albedos
+SAME = 0.10  # of an albedo's logarithm: segments closer than this are one
 SMALLEST = 0.01  # of its surface: a smaller segment says nothing by itself
+REGION = 0.04  # of its surface: a smaller region is none
+_APART = 3.0  # times as much as the segments of a surface vary in themselves, they have to be apart
+_FEWEST = 12  # samples that say what a segment's albedo is
 _DARK = 0.02  # of the photo's mean: darker pixels have no hue, and no edges
-_UNLIT = 0.1  # of the usual shading: a pixel shaded less says little of its albedo
+_UNLIT = 0.3  # of the usual light: a sample that gets less, as in shadows, says little of its albedo
 
 
-def segments(linear: Array, surface: Labels, usable: Mask, *, across_shadows: bool = True) -> Labels:
-    """Cut surfaces into regions of uniform albedo: (H, W) numbers from 0 on, -1 where there is none.
+def cut(photo: Photo, buffers: Buffers) -> Labels:
+    """Cut what the buffers show into segments: (h, w) numbers from 0 on, -1 where it cannot be told."""
+    some = slice(None, None, buffers.stride)
+    return segments(photo.linear[some, some], buffers.surface, ~(buffers.mixed | photo.clipped[some, some]))
+
+
+def at_samples(labels: Labels, samples: Samples, stride: int) -> Labels:
+    """The segment (N,) that each sample lies in."""
+    column, row = samples.pixel.T // stride
+    return labels[row, column]
+
+
+def segments(linear: Array, surface: Labels, usable: Mask) -> Labels:
+    """Cut surfaces at every sharp edge of brightness or hue: (H, W) numbers from 0 on, -1 where it cannot be told.
 
     linear : (H, W, 3) photo; surface : (H, W) numbers, -1 for none; usable : (H, W) neither mixed nor clipped
-    across_shadows : join regions of the same hue, as those on both sides of a shadow's edge are; albedos that differ
-        in brightness alone are then joined too. Else both stay apart, until `joined` can tell them.
     """
     if not (surface >= 0).any():
         return np.full(surface.shape, -1, dtype=np.int32)
     smooth = _smoothed(linear, surface)
     level = smooth.mean(axis=2)
     usable = usable & (surface >= 0) & (level > _DARK * float(level[surface >= 0].mean()))
-    log, direction = (
-        np.log(np.maximum(level, 1e-300)),
-        smooth / np.maximum(np.linalg.norm(smooth, axis=2), 1e-300)[..., None],
-    )
+    log, direction = np.log(np.maximum(level, 1e-300)), _directions(smooth)
     edge = np.zeros(usable.shape, dtype=bool)
     for axis in (0, 1):
         near, far = _apart(axis, 2 * REACH)
         both = usable[near] & usable[far] & (surface[near] == surface[far])
         turn = np.linalg.norm(direction[near] - direction[far], axis=2)
-        middle = _middle(axis, REACH)
-        edge[middle] |= both & ((np.abs(log[near] - log[far]) > EDGE) | (turn > HUE))
+        edge[_middle(axis, REACH)] |= both & ((np.abs(log[near] - log[far]) > EDGE) | (turn > TURN))
+    # Where the edge of a shadow crosses that of an albedo, the one may make up for the other: a gap, but a narrow one.
+    edge = ndimage.binary_dilation(edge, iterations=GAP)
     alike = []
     for axis in (0, 1):
         near, far = _apart(axis, 1)
         alike.append(usable[near] & usable[far] & ~edge[near] & ~edge[far] & (surface[near] == surface[far]))
-    label = _components(usable & ~edge, alike)
-    label = _large(label, surface, usable)
-    return _of_one_hue(label, surface, linear) if across_shadows else label
+    return _large(_components(usable & ~edge, alike), surface, usable)
 
 
-def joined(labels: Labels, surface: Labels, linear: Array, shading: Array) -> Labels:
-    """Join the segments of each surface whose albedos agree, given the shading (H, W, 3) of a white surface.
+def by_hue(samples: Samples, label: Labels) -> Samples:
+    """Give each region of another hue a surface of its own: see `by_albedo`, of which nothing here needs a light."""
+    told = (label >= 0) & (samples.colour.min(axis=1) > 0)
+    return _divided(samples, label, _directions(samples.colour), told, HUE)
 
-    Segments that no light reaches join their surface's largest: nothing says that they differ.
+
+def by_albedo(samples: Samples, label: Labels, white: Array) -> Samples:
+    """Give each region of another albedo a surface of its own.
+
+    label : (N,) the segment each sample lies in, -1 for none
+    white : (N, 3) radiance that a white surface would show there, all light included
+    Returns the samples, in the same order. The region that holds most of a surface keeps its number and name; others
+    are numbered after all surfaces and named "table (2)", "table (3)", ...; `whole` gives their surface back. Samples
+    in no segment belong to the nearest region of their surface, unless their own albedo is that of another.
     """
-    usual = float(np.median(shading[labels >= 0])) if (labels >= 0).any() else 1.0
-    lit = (labels >= 0) & (shading.mean(axis=2) > _UNLIT * usual) & (linear.min(axis=2) > 0)
-    count = int(labels.max(initial=-1)) + 1
-    albedo, spread, known = np.zeros((count, 3)), np.zeros(count), np.zeros(count, dtype=bool)
-    ratio = np.log(np.where(lit[..., None], linear, 1.0) / np.where(lit[..., None], shading, 1.0))
-    for i in range(count):
-        of = ratio[lit & (labels == i)]
-        if len(of) >= 8:
-            albedo[i], known[i] = np.median(of, axis=0), True
-            spread[i] = 1.4826 * float(np.median(np.abs(of - albedo[i]))) / np.sqrt(len(of) / 8)
-    owner, size = _owners(labels, surface, count)
-    group = np.arange(count)
-    for s in np.unique(owner):
-        of = np.flatnonzero(owner == s)
-        for i in of[np.argsort(-size[of])]:
-            for j in of[np.argsort(-size[of])]:
-                if group[j] == j and size[j] > size[i]:
-                    apart = float(np.max(np.abs(albedo[i] - albedo[j])))
-                    if not known[i] or not known[j] or apart < max(SAME, 2 * np.hypot(spread[i], spread[j])):
-                        group[i] = j
-                        break
-    return _numbered(labels, group)
+    level = white.mean(axis=1)
+    told = (level > _UNLIT * float(np.median(level[label >= 0]))) if (label >= 0).any() else np.zeros(len(label), bool)
+    told &= (samples.colour.min(axis=1) > 0) & (white.min(axis=1) > 0)
+    safe = told[:, None]
+    ratio = np.log(np.where(safe, samples.colour, 1.0)) - np.log(np.where(safe, white, 1.0))
+    return _divided(samples, label, ratio, told, SAME)
 
 
-def split(buffers: Buffers, labels: Labels) -> Buffers:
-    """Make each further segment of a surface a surface of its own, named after it: "table", "table (2)", ...
+def in_segments(samples: Samples, label: Labels) -> Samples:
+    """Give each segment a surface of its own, those of one albedo too: what a light is first fitted to, unprejudiced.
 
-    Pixels without a segment belong to none.
+    Numbers, names, and samples in no segment as in `by_albedo`.
     """
-    surface = np.full(buffers.surface.shape, -1, dtype=np.int32)
-    names: list[str] = []
-    for s, name in enumerate(buffers.names):
-        inside = (buffers.surface == s) & (labels >= 0)
-        numbers, sizes = np.unique(labels[inside], return_counts=True)
-        if not len(numbers):
-            surface[buffers.surface == s] = len(names)
-            names.append(name)
-        for order, number in enumerate(numbers[np.argsort(-sizes)]):
-            surface[inside & (labels == number)] = len(names)
-            names.append(name if order == 0 else f"{name} ({order + 1})")
-    return replace(buffers, surface=surface, names=tuple(names))
+    value = np.repeat(label[:, None].astype(np.float64), 3, axis=1)
+    return _divided(samples, label, value, label >= 0, 0.5)
 
 
-def whole(name: str) -> str:
-    """The surface that a name made by `split` is a part of."""
-    stem, bracket, number = name.rpartition(" (")
-    return stem if bracket and number.endswith(")") and number[:-1].isdigit() else name
+def whole(name: str, names: Sequence[str]) -> str:
+    """The surface, one of `names`, that a name given to a region is a part of."""
+    return name if name in names else name.rpartition(" (")[0]
+
+
+def _divided(samples: Samples, label: Labels, value: Array, told: Mask, same: float) -> Samples:
+    """Divide surfaces into regions whose values (N, 3) differ; `told` (N,) says which samples have one."""
+    surface, names = samples.surface.copy(), list(samples.names)
+    for s in range(len(samples.names)):
+        of = np.flatnonzero(samples.surface == s)
+        region, middles = _regions(value[of], told[of], label[of], samples.weight[of], same)
+        if len(middles) < 2:
+            continue
+        known = region >= 0
+        nearest = cKDTree(samples.pixel[of[known]]).query(samples.pixel[of])[1]
+        region = np.where(known, region, region[known][nearest])
+        apart = np.linalg.norm(value[of, None] - middles, axis=2)
+        closest = np.argmin(apart, axis=1)
+        own = np.take_along_axis(apart, region[:, None], axis=1)[:, 0]
+        another = ~known & told[of] & (apart.min(axis=1) < same) & (own > 2 * apart.min(axis=1))
+        region = np.where(another, closest, region)
+        for number in range(1, len(middles)):
+            surface[of[region == number]] = len(names)
+            names.append(f"{samples.names[s]} ({number + 1})")
+    return replace(samples, surface=surface, names=tuple(names))
+
+
+def _regions(value: Array, told: Mask, label: Labels, weight: Array, same: float) -> tuple[NDArray[np.intp], Array]:
+    """The region (N,) of each sample of one surface, -1 for none, largest first; and the regions' values (R, 3)."""
+    none = np.full(len(label), -1, dtype=np.intp)
+    found: list[tuple[NDArray[np.intp], Array, float]] = []  # samples of a segment, value, how much that varies
+    for number in np.unique(label[label >= 0]):
+        of = np.flatnonzero((label == number) & told)
+        if len(of) >= _FEWEST:
+            middle = np.median(value[of], axis=0)
+            spread = 1.4826 * np.median(np.abs(value[of] - middle), axis=0).max()
+            found.append((of, middle, float(spread)))
+    if not found:
+        return none, np.zeros((0, 3))
+    found.sort(key=lambda one: -weight[one[0]].sum())
+    share = [float(weight[of].sum()) for of, _, _ in found]
+    apart = max(same, _APART * float(np.average([spread for _, _, spread in found], weights=share)))
+    groups: list[list[int]] = []
+    for i, (_, middle, _) in enumerate(found):
+        near = [group for group in groups if min(np.max(np.abs(found[j][1] - middle)) for j in group) < apart]
+        # A segment between two regions shows that they are one: the light on it is not quite right.
+        rest = [group for group in groups if group not in near]
+        groups = [*rest, [i, *(j for group in near for j in group)]]
+    held = [sum(share[i] for i in group) for group in groups]
+    large = [group for group, much in zip(groups, held, strict=True) if much >= REGION * sum(held)]
+    region, middles = none, []
+    for number, group in enumerate(sorted(large, key=lambda group: -sum(share[i] for i in group))):
+        of = np.concatenate([found[i][0] for i in group])
+        region[of] = number
+        middles.append(np.median(value[of], axis=0))
+    return region, np.array(middles)
+
+
+def _directions(colour: Array) -> Array:
+    """Colours (..., 3) of unit length; black stays black."""
+    return colour / np.maximum(np.linalg.norm(colour, axis=-1), 1e-300)[..., None]
 
 
 def _smoothed(linear: Array, surface: Labels) -> Array:
@@ -171,40 +228,9 @@ def _large(label: Labels, surface: Labels, usable: Mask) -> Labels:
     kept = (dense >= 0) & keep[dense]
     distance, nearest = ndimage.distance_transform_edt(~kept, return_indices=True)
     taken = dense[tuple(nearest)]
-    own = (distance <= REACH + 1) & (surface >= 0) & (surface == surface[tuple(nearest)]) & usable
+    own = (distance <= REACH + GAP + 1) & (surface >= 0) & (surface == surface[tuple(nearest)]) & usable
     group = np.where(keep, np.arange(count), -1)
     return _numbered(np.where(own | kept, taken, -1).astype(np.int32), group)
-
-
-def _of_one_hue(label: Labels, surface: Labels, linear: Array) -> Labels:
-    """Join the segments of a surface that one principal component describes together."""
-    count = int(label.max(initial=-1)) + 1
-    owner, size = _owners(label, surface, count)
-    moment = np.zeros((count, 3, 3))
-    inside = label >= 0
-    for a in range(3):
-        for b in range(3):
-            moment[:, a, b] = np.bincount(label[inside], linear[inside][:, a] * linear[inside][:, b], count)
-    moment /= np.maximum(np.trace(moment, axis1=1, axis2=2), 1e-300)[:, None, None]  # bright ones are no better
-    group = np.arange(count)
-    for s in np.unique(owner):
-        of = np.flatnonzero(owner == s)
-        of = of[np.argsort(-size[of])]
-        for rank, i in enumerate(of):
-            for j in of[:rank]:
-                if group[j] != j:
-                    continue
-                spread = np.linalg.eigvalsh(moment[i] + moment[j])
-                # Two lines at an angle t, equally strong, leave sin^2 (t / 2) to the second component.
-                if spread[1] / spread[2] < np.sin(HUE / 2) ** 2 + max(map(_second, (moment[i], moment[j]))):
-                    group[i] = j
-                    break
-    return _numbered(label, group)
-
-
-def _second(moment: Array) -> float:
-    spread = np.linalg.eigvalsh(moment)
-    return float(spread[1] / max(spread[2], 1e-300))
 
 
 def _owners(label: NDArray[Any], surface: Labels, count: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:

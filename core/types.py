@@ -139,6 +139,7 @@ class Surface:
     textured: bool = False  # its albedo varies so much that a texture serves better than one value
     specular: float = 0.0
     roughness: float = 1.0
+    regions: "tuple[Surface, ...]" = ()  # of uniform albedo, largest first, where it hides several
 
 
 @dataclass(frozen=True, slots=True)
