@@ -18,10 +18,10 @@ from pathlib import Path
 import numpy as np
 
 from ..core.pipeline import estimate
+from ..core.progress import drain
 from ..reshade_addon import register, unregister
 from ..reshade_addon.blend_file import open_blend
 from ..reshade_addon.photo_io import read_photo
-from ..reshade_addon.progress import drain
 from ..reshade_addon.scene_read import read_buffers, read_view
 from .measure import light_errors, true_light
 from .scenes import KINDS, build, photo_path

@@ -15,8 +15,8 @@ from scipy import ndimage
 
 from ..core.color import linear_to_srgb
 from ..core.highlights import split
+from ..core.progress import drain
 from ..core.types import Array, Mask, Photo
-from ..reshade_addon.progress import drain
 
 SIDE = 240
 SHOWN = ("lee", "klinker", "auto")

@@ -20,9 +20,9 @@ from time import perf_counter
 import numpy as np
 
 from ..core.highlights import METHODS, auto, evidence, specular_free, split
+from ..core.progress import drain
 from ..core.types import Array, Mask, Photo
 from ..reshade_addon.photo_io import read_linear
-from ..reshade_addon.progress import drain
 from .highlight_figures import write_figures
 
 TINT = np.array([1.0, 0.8, 0.55])

@@ -13,12 +13,12 @@ from time import perf_counter
 import numpy as np
 
 from ..core.highlights import split
+from ..core.progress import drain
 from ..core.types import AreaLight, Array
 from ..reshade_addon import photo_image, register, solving, unregister
 from ..reshade_addon.blend_file import open_blend, save_blend
 from ..reshade_addon.highlights_scene import split_scene
 from ..reshade_addon.photo_io import read_linear, read_photo
-from ..reshade_addon.progress import drain
 from ..reshade_addon.scene_write import write_light
 from .glossy_scenes import TEXTURES, build
 

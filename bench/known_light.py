@@ -15,11 +15,11 @@ import numpy as np
 
 from ..core.lights import strength_of, with_strength
 from ..core.materials import Card
+from ..core.progress import drain
 from ..core.types import Array
 from ..reshade_addon import register, solving, unregister
 from ..reshade_addon.blend_file import open_blend
 from ..reshade_addon.photo_io import read_photo
-from ..reshade_addon.progress import drain
 from ..reshade_addon.scene_read import read_light
 from ..reshade_addon.scene_write import write_light
 from . import scene_parts as parts

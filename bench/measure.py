@@ -21,12 +21,12 @@ from mathutils import Matrix
 from ..core.light_problem import Problem, State, brightness, model_jacobian
 from ..core.lights import shading, strength_of
 from ..core.pipeline import solve
+from ..core.progress import drain
 from ..core.samples import choose_samples, extent_of
 from ..core.types import AreaLight, Array, Buffers, Estimate, Light, Photo, SunLight
 from ..reshade_addon import photo_image, register, solving, unregister
 from ..reshade_addon.blend_file import open_blend
 from ..reshade_addon.photo_io import read_photo
-from ..reshade_addon.progress import drain
 from ..reshade_addon.rendering import render
 from ..reshade_addon.scene_read import SceneView, read_buffers
 from . import scene_parts as parts

@@ -17,10 +17,10 @@ import numpy as np
 
 from ..core.lights import facing, strength_of, with_strength
 from ..core.preview import Preview
+from ..core.progress import drain
 from ..core.types import AreaLight, Array, Light
 from ..reshade_addon import register, unregister
 from ..reshade_addon.blend_file import open_blend
-from ..reshade_addon.progress import drain
 from ..reshade_addon.rendering import render
 from ..reshade_addon.scene_read import read_buffers, read_light, read_view
 from ..reshade_addon.scene_write import write_light

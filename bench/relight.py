@@ -18,12 +18,12 @@ from mathutils import Matrix
 
 from ..core.color import linear_to_srgb
 from ..core.lights import with_strength
+from ..core.progress import drain
 from ..core.types import Array
 from ..demo_blend import scene as blender
 from ..reshade_addon import photo_image, register, solving, unregister
 from ..reshade_addon.blend_file import open_blend
 from ..reshade_addon.photo_io import read_photo, write_encoded
-from ..reshade_addon.progress import drain
 from ..reshade_addon.rendering import render
 from ..reshade_addon.reshading import reshade
 from ..reshade_addon.scene_read import read_light

@@ -23,10 +23,10 @@ import numpy as np
 from ..core.camera import project
 from ..core.color import linear_to_srgb
 from ..core.lights import across, facing, shading, strength_of, with_strength
+from ..core.progress import drain
 from ..core.types import AreaLight, Array, Camera, Light, SunLight
 from ..demo_blend import scene as blender
 from ..reshade_addon.photo_io import write_encoded, write_picture
-from ..reshade_addon.progress import drain
 from ..reshade_addon.rendering import render
 from ..reshade_addon.scene_write import write_light
 from . import scene_parts as parts

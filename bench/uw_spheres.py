@@ -15,8 +15,8 @@ import numpy as np
 from ..core.camera import pixel_centres, rays
 from ..core.light_search import MODELS
 from ..core.pipeline import estimate
+from ..core.progress import drain
 from ..core.types import Array, Buffers, Camera, Light, Mask, Photo, SunLight
-from ..reshade_addon.progress import drain
 
 MEAN, EACH = 2.0, 4.0  # degrees
 AWAY = 1000.0  # radii

@@ -1,11 +1,25 @@
 """Progress of long computations: generators that yield `Progress` and return their result."""
 
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from typing import TypeVar
 
 from .types import Progress
 
+Step = TypeVar("Step")
 Result = TypeVar("Result")
+
+
+def drain(steps: Generator[Step, None, Result], tell: Callable[[Step], None] | None = None) -> Result:
+    """Run a computation to its end, telling `tell` of each step where given, and return its result."""
+    try:
+        while True:
+            step = next(steps)
+            if tell:
+                tell(step)
+    except StopIteration as end:
+        return end.value
+    finally:
+        steps.close()
 
 
 def watched(

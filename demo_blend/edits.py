@@ -17,9 +17,9 @@ import numpy as np
 from mathutils import Matrix, Vector
 
 from .. import register, unregister
+from ..core.progress import drain
 from ..reshade_addon import reference
 from ..reshade_addon.photo_io import write_picture
-from ..reshade_addon.progress import drain
 from ..reshade_addon.rendering import render
 
 WARM = (1.0, 0.56, 0.23)  # linear Rec.709 of a candle-like 2400 K, its largest channel 1

@@ -27,9 +27,9 @@ from numpy.typing import NDArray
 from ..core import camera as pinhole
 from ..core.color import linear_to_srgb
 from ..core.light_units import energy_and_color, power_from_radiance
+from ..core.progress import drain
 from ..core.types import AreaLight, Camera
 from ..reshade_addon.photo_io import write_picture
-from ..reshade_addon.progress import drain
 from ..reshade_addon.rendering import render
 from . import depth_mesh
 from . import scene as blender

@@ -19,12 +19,12 @@ import numpy as np
 from ..core.errors import ReshadeError
 from ..core.hints import FORMS, parse
 from ..core.materials import Card
+from ..core.progress import drain
 from ..core.types import AreaLight, Photo, Progress
 from . import dehighlight, paint, photo_image, photo_io, reference, scene_write, solving
 from .blend_file import open_blend, save_blend
 from .console import Console, Parser, ended
 from .files import Outputs
-from .progress import drain
 from .properties import MODELS, QUALITIES
 from .reshading import reshade, reshade_layers
 from .residual import residual_picture

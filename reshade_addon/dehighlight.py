@@ -9,11 +9,11 @@ import numpy as np
 
 from ..core.errors import ReshadeError
 from ..core.highlights import METHODS, Split, split
+from ..core.progress import drain
 from ..core.types import Photo
 from . import photo_io
 from .console import Console, Parser, ended
 from .files import Outputs
-from .progress import drain
 
 COMMAND = "dehighlight"
 LARGE = 8_000_000  # pixels, from which on memory matters more than the last digits

@@ -10,8 +10,8 @@ from typing import Any
 import bpy
 
 from ..core.errors import ReshadeError
+from ..core.progress import drain
 from ..core.types import Progress
-from .progress import drain
 
 STEP = 0.05  # seconds the interface may wait
 _LOOKING = {"MIDDLEMOUSE", "WHEELUPMOUSE", "WHEELDOWNMOUSE", "TRACKPADPAN", "TRACKPADZOOM", "NDOF_MOTION", "MOUSEMOVE"}

@@ -3,10 +3,10 @@
 import bpy
 
 from ...core.errors import ReshadeError
+from ...core.progress import drain
 from .. import missing
 from ..photo_image import picture_image, read_image
 from ..previewing import Live, begin
-from ..progress import drain
 
 RESULT = "Reshade preview"
 EVERY = 0.15  # seconds between two looks at the scene

@@ -19,19 +19,10 @@ from core.gloss import (
 )
 from core.lights import facing, shading
 from core.materials import solve_materials
+from core.progress import drain
 from core.reflectance import coat_albedo, coat_index
 from core.samples import subset
 from core.types import PointLight, Samples, SunLight
-
-
-def drained(steps):
-    """What a generator of progress returns."""
-    while True:
-        try:
-            next(steps)
-        except StopIteration as end:
-            return end.value
-
 
 ALBEDO = np.array([[0.8, 0.5, 0.3], [0.3, 0.4, 0.5]])
 LIGHT = replace(facing(np.array([0.3, 1.5, 1.6]), np.zeros(3), 0.4), radiance=np.full(3, 12.0))
@@ -120,7 +111,7 @@ def test_strengths_albedos_and_gloss_at_once():
     lit = lit_by(samples, [LIGHT], [[12.0, 12.0, 12.0]], 0.2)
     gloss = (Gloss(0.5, 0.35), Gloss(0.5, 0.25))
     samples = photographed(samples, lit, gloss)
-    found = drained(solve_materials(samples, [LIGHT], lit.shading, lit.visible))
+    found = drain(solve_materials(samples, [LIGHT], lit.shading, lit.visible))
     np.testing.assert_allclose(found.radiometry.strengths, 12.0, rtol=0.005)
     np.testing.assert_allclose(found.radiometry.albedo, ALBEDO, rtol=0.01)
     np.testing.assert_allclose(found.radiometry.ambient, 0.2, rtol=0.05)
@@ -136,7 +127,7 @@ def test_a_coat_whose_highlight_is_out_of_sight_is_as_the_others():
     samples = subset(samples, (samples.surface == 1) | ~behind)  # of the floor, what does not mirror the light
     lit = lit_by(samples, [LIGHT], [[12.0, 12.0, 12.0]])
     samples = photographed(samples, lit, [Gloss(0.5, 0.25), Gloss(0.5, 0.25)])
-    found = drained(solve_materials(samples, [LIGHT], lit.shading, lit.visible))
+    found = drain(solve_materials(samples, [LIGHT], lit.shading, lit.visible))
     np.testing.assert_allclose(found.radiometry.albedo, ALBEDO, rtol=0.01)
 
 
@@ -146,7 +137,7 @@ def test_two_lights_on_gloss():
     strengths = [[12.0, 12.0, 12.0], [6.0, 9.0, 12.0]]
     lit = lit_by(samples, [LIGHT, other], strengths, 0.1)
     samples = photographed(samples, lit, [Gloss(0.5, 0.3), Gloss(0.5, 0.3)])
-    found = drained(solve_materials(samples, [LIGHT, other], lit.shading, lit.visible))
+    found = drain(solve_materials(samples, [LIGHT, other], lit.shading, lit.visible))
     np.testing.assert_allclose(found.radiometry.strengths, strengths, rtol=0.02)
 
 
@@ -154,7 +145,7 @@ def test_no_rounds_is_the_radiometric_solve():
     samples = plane_and_ball()
     lit = lit_by(samples, [LIGHT], [[12.0, 12.0, 12.0]])
     samples = photographed(samples, lit, [Gloss(0.5, 0.3), MATT])
-    found = drained(solve_materials(samples, [LIGHT], lit.shading, lit.visible, rounds=0))
+    found = drain(solve_materials(samples, [LIGHT], lit.shading, lit.visible, rounds=0))
     assert found.gloss == (MATT, MATT)
 
 

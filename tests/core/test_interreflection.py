@@ -7,25 +7,18 @@ from core.interreflection import gather, patch_radiance, usual_radiance
 from core.light_units import intensity_from_power
 from core.lights import shading
 from core.pipeline import estimate
+from core.progress import drain
 from core.samples import choose_samples
 from core.types import AreaLight, Buffers, Camera, Hits, Photo, PointLight, Samples
 
 RADIUS, ALBEDO = 2.0, 0.5
 
 
-def drained(steps):
-    while True:
-        try:
-            next(steps)
-        except StopIteration as end:
-            return end.value
-
-
 def around_the_ball(ball, colour):
     shape = ball.buffers.surface.shape
     photo = Photo(np.tile(colour, (*shape, 1)), np.zeros(shape, dtype=bool))
     samples = choose_samples(photo, ball.camera, ball.buffers, 300)
-    return samples, drained(gather(samples, photo, ball.camera, ball.buffers, ball.meets))
+    return samples, drain(gather(samples, photo, ball.camera, ball.buffers, ball.meets))
 
 
 def test_between_surfaces_of_one_brightness_each_receives_it_by_the_share_it_sees(ball):
@@ -77,7 +70,7 @@ def test_in_a_closed_sphere_the_bounces_add_up_to_a_geometric_series(offset):
     away = np.full((8, 8, 3), np.nan)
     buffers = Buffers(away, away, np.full((8, 8), -1, np.int32), np.zeros((8, 8), dtype=bool), ("wall",))
     photo = Photo(np.zeros((8, 8, 3)), np.zeros((8, 8), dtype=bool))
-    around = drained(gather(samples, photo, camera, buffers, meets))
+    around = drain(gather(samples, photo, camera, buffers, meets))
     light = PointLight(np.array([0.0, 0.0, offset]), np.full(3, intensity_from_power(100.0)))
     strength = light.intensity[0]
     radiance = patch_radiance(
@@ -91,7 +84,7 @@ def test_in_a_closed_sphere_the_bounces_add_up_to_a_geometric_series(offset):
 def test_a_scene_without_interreflection_is_told_so(ball):
     true = ball.light()
     photo = ball.photo(true)
-    found = drained(
+    found = drain(
         estimate(
             photo, ball.camera, ball.buffers, ball.visible, meets=ball.meets, start=true, model="area", quality="draft"
         )

@@ -17,6 +17,7 @@ from core.light_problem import (
     weighted_quantile,
 )
 from core.lights import moved, reach_of, shading
+from core.progress import drain
 from core.samples import choose_samples, extent_of
 from core.types import AreaLight, Photo, PointLight, SunLight
 
@@ -27,14 +28,6 @@ def white(scene):
     """A photo that shows everything there is."""
     shape = scene.buffers.surface.shape
     return Photo(np.ones((*shape, 3)), np.zeros(shape, dtype=bool))
-
-
-def drained(fit):
-    while True:
-        try:
-            next(fit)
-        except StopIteration as end:
-            return end.value
 
 
 def unshadowed(scene, light, *, ambient=0.0, noise=0.0, seed=0, with_ambient=True):
@@ -113,7 +106,7 @@ def test_without_shadows_every_start_finds_the_light_itself(ball, number):
     true = ball.light()
     problem = unshadowed(ball, true, with_ambient=False)
     start = list(wrong_starts(true, problem.middle))[number]
-    fit = drained(fit_light(problem, start, iterations=200, tolerance=1e-12))
+    fit = drain(fit_light(problem, start, iterations=200, tolerance=1e-12))
     np.testing.assert_allclose(off(fit.light, true), 0, atol=1e-4)
     power = fit.strength / np.linalg.norm([[0.5, 0.45, 0.4], [0.8, 0.3, 0.2]], axis=1) * fit.light.size.prod()
     np.testing.assert_allclose(power, true.radiance[0] * true.size.prod(), rtol=1e-4)
@@ -133,8 +126,8 @@ def test_a_scene_that_is_moved_and_turned_has_its_light_moved_and_turned(ball):
     )
     carried = replace(start, centre=turn.apply(start.centre) + shift, u=turn.apply(start.u), v=turn.apply(start.v))
     moved_problem = replace(problem, samples=there, middle=turn.apply(problem.middle) + shift)
-    here_fit = drained(fit_light(problem, start, iterations=6))
-    there_fit = drained(fit_light(moved_problem, carried, iterations=6))
+    here_fit = drain(fit_light(problem, start, iterations=6))
+    there_fit = drain(fit_light(moved_problem, carried, iterations=6))
     np.testing.assert_allclose(there_fit.light.centre, turn.apply(here_fit.light.centre) + shift, rtol=1e-7)
     np.testing.assert_allclose(there_fit.light.u, turn.apply(here_fit.light.u), atol=1e-7)
     np.testing.assert_allclose(there_fit.light.size, here_fit.light.size, rtol=1e-7)
@@ -146,7 +139,7 @@ def test_ninety_percent_intervals_hold_the_truth_about_so_often(ball):
     held = []
     for seed in range(60):
         problem = unshadowed(ball, true, noise=0.002, seed=seed, with_ambient=False)
-        fit = drained(fit_light(problem, true, iterations=15, tolerance=1e-6))
+        fit = drain(fit_light(problem, true, iterations=15, tolerance=1e-6))
         step = off(fit.light, true)
         step[:3] /= reach_of(fit.light, problem.middle)
         held.append(np.abs(step) <= 1.6449 * np.sqrt(np.diag(fit.covariance)[:8]))

@@ -7,23 +7,14 @@ import pytest
 
 from core.errors import NothingToLearn
 from core.pipeline import estimate, solve
+from core.progress import drain
 from core.types import AreaLight, Photo, PointLight, SunLight
 
 ALBEDO = {"floor": np.array([0.5, 0.45, 0.4]), "ball": np.array([0.8, 0.3, 0.2])}
 
 
-def drained(steps):
-    fractions = []
-    while True:
-        try:
-            fractions.append(next(steps).fraction)
-        except StopIteration as end:
-            assert fractions == sorted(fractions) and fractions[0] >= 0 and fractions[-1] <= 1
-            return end.value
-
-
 def blind(scene, photo, **how):
-    return drained(estimate(photo, scene.camera, scene.buffers, scene.visible, **how))
+    return drain(estimate(photo, scene.camera, scene.buffers, scene.visible, **how))
 
 
 def errors(light, truth):
@@ -64,7 +55,7 @@ def test_the_largest_albedo_is_the_convention_and_all_keep_their_ratios(ball):
 def test_a_given_light_is_solved_for_its_strength_alone(ball):
     truth = ball.light(radiance=7.0)
     lights = [replace(truth, radiance=np.ones(3))]
-    found = drained(solve(ball.photo(truth, ambient=0.2), ball.camera, ball.buffers, ball.visible, lights))
+    found = drain(solve(ball.photo(truth, ambient=0.2), ball.camera, ball.buffers, ball.visible, lights))
     (light,) = found.lights
     np.testing.assert_array_equal(light.centre, truth.centre)
     scale = 0.8 / max(a.max() for a in ALBEDO.values())
@@ -78,7 +69,7 @@ def test_two_given_lights_keep_their_ratio(ball):
     second = replace(first, centre=np.array([1.4, -0.6, 1.2]), u=np.array([0.0, 1.0, 0.0]), v=np.array([0.6, 0.0, 0.8]))
     second = replace(second, radiance=np.array([4.0, 3.0, 2.0]))
     both = Photo(ball.photo(first).linear + ball.photo(second).linear, ball.photo(first).clipped)
-    found = drained(solve(both, ball.camera, ball.buffers, ball.visible, [first, second]))
+    found = drain(solve(both, ball.camera, ball.buffers, ball.visible, [first, second]))
     np.testing.assert_allclose(found.lights[1].radiance / found.lights[0].radiance, [0.4, 0.3, 0.2], rtol=0.03)
 
 

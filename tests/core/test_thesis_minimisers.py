@@ -10,6 +10,7 @@ from core.light_problem import Problem, cost, expected_residual
 from core.light_search import SOLVERS
 from core.lights import shading
 from core.pipeline import estimate
+from core.progress import drain
 from core.samples import choose_samples, extent_of
 from core.thesis_minimisers import Chart, fit_light_bfgs, fit_light_powell
 from core.types import Photo, PointLight, SunLight
@@ -19,14 +20,6 @@ def white(scene):
     """A photo that shows everything there is."""
     shape = scene.buffers.surface.shape
     return Photo(np.ones((*shape, 3)), np.zeros(shape, dtype=bool))
-
-
-def drained(steps):
-    while True:
-        try:
-            next(steps)
-        except StopIteration as end:
-            return end.value
 
 
 def problem_of(scene, true, *, ambient=0.0, count=200):
@@ -66,7 +59,7 @@ def test_the_gradient_is_the_slope_far_from_the_start_too(ball, kind, ambient):
 def test_a_baseline_lowers_the_loss(ball, minimise):
     true = ball.light()
     problem, start = problem_of(ball, true), lights(true)["area"]
-    fit = drained(minimise(problem, start, iterations=20))
+    fit = drain(minimise(problem, start, iterations=20))
     expected = expected_residual(problem, problem.start(start))
     reached = problem.state(fit.light, np.log(fit.strength), fit.around, 1.0)
     assert cost(problem, reached, expected) < 0.5 * cost(problem, problem.start(start), expected)
@@ -78,8 +71,8 @@ def test_bfgs_and_the_trust_region_end_at_the_same_sun(ball):
     problem = problem_of(ball, true, ambient=0.5)
     noise = 0.02 * problem.brightness.mean() * np.random.default_rng(0).normal(size=len(problem.brightness))
     problem = replace(problem, brightness=problem.brightness + noise)
-    ours = drained(fit_light(problem, start, iterations=100, tolerance=1e-9))
-    theirs = drained(fit_light_bfgs(problem, start, iterations=200, tolerance=1e-9))
+    ours = drain(fit_light(problem, start, iterations=100, tolerance=1e-9))
+    theirs = drain(fit_light_bfgs(problem, start, iterations=200, tolerance=1e-9))
     assert theirs.score == pytest.approx(ours.score, abs=1e-4)
     np.testing.assert_allclose(theirs.light.normal, ours.light.normal, atol=1e-3)
     np.testing.assert_allclose(ours.light.normal, true.normal, atol=0.03)
@@ -89,7 +82,7 @@ def test_a_light_inside_the_photo_is_never_the_answer(ball):
     true = ball.light()
     start = lights(true)["area"]
     fence = replace(problem_of(ball, true), hidden=lambda light: light.centre[2] > start.centre[2] - 0.01)
-    fit = drained(fit_light_bfgs(fence, start, iterations=20))
+    fit = drain(fit_light_bfgs(fence, start, iterations=20))
     assert fence.hidden(fit.light)
 
 
@@ -102,7 +95,7 @@ def test_an_estimate_takes_the_solver_asked_for(ball, solver, monkeypatch):
         return (yield from fit_light(*arguments, **options))
 
     monkeypatch.setitem(SOLVERS, solver, fit)
-    drained(
+    drain(
         estimate(
             ball.photo(ball.light()),
             ball.camera,

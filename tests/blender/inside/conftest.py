@@ -88,7 +88,12 @@ def lamp(load):
 
 
 @pytest.fixture
-def photographed(tabletop, lamp, load):
+def drain(load):
+    return load("core.progress").drain
+
+
+@pytest.fixture
+def photographed(tabletop, lamp, load, drain):
     """The tabletop, and what Cycles photographs of it under the lamp and a dim sky: (scene, picture (72, 96, 3)).
 
     The scene is without the light again.
@@ -96,7 +101,7 @@ def photographed(tabletop, lamp, load):
     write = load("reshade_addon.scene_write")
     obj = write.write_light(tabletop, lamp)
     write.write_world(tabletop, np.array([0.05, 0.05, 0.06]))
-    picture = load("reshade_addon.progress").drain(load("reshade_addon.rendering").render(tabletop, 32))
+    picture = drain(load("reshade_addon.rendering").render(tabletop, 32))
     bpy.data.lights.remove(obj.data)  # and the object with it
     tabletop.world = None
     return tabletop, picture

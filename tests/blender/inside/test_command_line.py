@@ -75,7 +75,7 @@ def test_the_saved_scene_renders_as_the_photo_and_reshades_when_edited(cli, file
     assert [image.packed_file is not None for image in bpy.data.images if image.name == "photo8.png"] == [True]
     assert scene.view_settings.view_transform == "Standard"
     assert (scene.render.resolution_x, scene.render.resolution_y) == (96, 72)
-    drain = load("reshade_addon.progress").drain
+    drain = load("core.progress").drain
     render = drain(load("reshade_addon.rendering").render(scene, 16))
     photo = load("reshade_addon.photo_io").read_photo(files / "photo8.png").linear
     assert np.abs(render - photo).mean() < 0.1 * photo.mean()

@@ -192,7 +192,7 @@ def test_alpha_is_written(fresh_scene, load, tmp_path):
 def solved(photographed, lamp, load, tmp_path):
     """The tabletop with its lamp in place and glossy, photographed and solved: (scene, photo, its diffuse part)."""
     scene, _ = photographed
-    write, drain = load("reshade_addon.scene_write"), load("reshade_addon.progress").drain
+    write, drain = load("reshade_addon.scene_write"), load("core.progress").drain
     obj = write.write_light(scene, lamp)
     write.write_world(scene, np.zeros(3))
     scene.cycles.max_bounces = 0
@@ -253,7 +253,7 @@ def test_a_scene_without_a_reference_state_is_refused(tabletop, load, tmp_path, 
 
 def test_a_large_photo_is_solved_small_and_enlarged(solved, load, monkeypatch):
     scene, photo, matt = solved
-    module, drain = load("reshade_addon.highlights_scene"), load("reshade_addon.progress").drain
+    module, drain = load("reshade_addon.highlights_scene"), load("core.progress").drain
     monkeypatch.setattr(module, "PIXELS", 48 * 36)
     monkeypatch.setattr(load("core.highlights.with_scene"), "FEWEST", 30)
     picture = load("core.types").Photo(photo, np.zeros(photo.shape[:2], dtype=bool))

@@ -8,11 +8,6 @@ import pytest
 
 
 @pytest.fixture
-def drain(load):
-    return load("reshade_addon.progress").drain
-
-
-@pytest.fixture
 def explained(photographed, lamp, load):
     """The tabletop with its true light as its reference state, and its photo: (scene, photo)."""
     scene, picture = photographed

@@ -6,11 +6,6 @@ import pytest
 
 
 @pytest.fixture
-def drain(load):
-    return load("reshade_addon.progress").drain
-
-
-@pytest.fixture
 def glossy(tabletop, lamp, load, drain):
     """The tabletop with a glossy ball and floor, photographed: (scene with the true lamp, plain materials; photo)."""
     scene, write, types = tabletop, load("reshade_addon.scene_write"), load("core.types")

@@ -150,7 +150,7 @@ def test_an_error_in_the_middle_is_reported_in_one_line(imported, load, stepped)
 def test_a_textured_surface_gets_its_texture(photographed, load, lamp, tmp_path):
     """A floor of two albedos in one material: the scene must render as its photo, stripes and all."""
     scene, picture = photographed
-    read, drain = load("reshade_addon.scene_read"), load("reshade_addon.progress").drain
+    read, drain = load("reshade_addon.scene_read"), load("core.progress").drain
     buffers = drain(read.read_buffers(read.read_view(scene)))
     floor = buffers.surface == buffers.names.index("Floor")
     stripes = floor & (np.floor(buffers.point[..., 0] / 0.7) % 2 == 0)

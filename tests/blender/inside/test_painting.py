@@ -29,7 +29,7 @@ def painting(load, picture, name="painting"):
 def test_a_darker_painting_dims_the_light(explained, load, lamp):
     """Half of the direct light is painted away on the box and the ball; the floor is left."""
     scene, picture = explained
-    live = load("reshade_addon.progress").drain(
+    live = load("core.progress").drain(
         load("reshade_addon.previewing").begin(scene, load("core.types").Photo(picture, picture[..., 0] > 9))
     )
     half = load("core.lights").with_strength(lamp, 0.5 * lamp.radiance)

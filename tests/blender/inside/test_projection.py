@@ -16,7 +16,7 @@ def coordinates(load):
 def rendered(scene, load):
     scene.cycles.pixel_filter_type = "BOX"
     scene.cycles.filter_width = 0.01
-    return load("reshade_addon.progress").drain(load("reshade_addon.rendering").render(scene, 1))
+    return load("core.progress").drain(load("reshade_addon.rendering").render(scene, 1))
 
 
 @pytest.mark.parametrize("camera_scale", [1.0, 3.0])
@@ -29,7 +29,7 @@ def test_each_pixel_shows_itself(tabletop, load, coordinates, camera_scale):
     count = load("reshade_addon.setup").project_photo(scene, scene.objects)
     assert count == 3
     read = load("reshade_addon.scene_read")
-    buffers = load("reshade_addon.progress").drain(read.read_buffers(read.read_view(scene)))
+    buffers = load("core.progress").drain(read.read_buffers(read.read_view(scene)))
     seen = rendered(scene, load)
     inner = (buffers.surface >= 0) & ~buffers.mixed
     off = np.abs(seen - picture)[inner] * [96, 72, 1]

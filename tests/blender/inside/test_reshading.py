@@ -7,11 +7,6 @@ import pytest
 
 
 @pytest.fixture
-def drain(load):
-    return load("reshade_addon.progress").drain
-
-
-@pytest.fixture
 def explained(photographed, lamp, load):
     """The tabletop with its true light as its reference state, and a photo that is its render plus a texture of noise
     that no render has: (scene, photo)."""

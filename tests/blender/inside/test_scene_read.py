@@ -14,11 +14,6 @@ def read(load):
 
 
 @pytest.fixture
-def drain(load):
-    return load("reshade_addon.progress").drain
-
-
-@pytest.fixture
 def errors(load):
     return load("core.errors")
 
