@@ -3,7 +3,9 @@
 The target is a path-traced picture of the Utah teapot on a plane under one rectangular light, direct light only, with
 positions, normals and albedo of each pixel. The starts are 20 % off in distance, near and far in turn, turned by 25
 degrees about random axes across the normal, and twice the true size. Bars: every start ends with its centre within 1 %
-of the distance, its normal within 1 degree and its power within 1 %, in 5 s.
+of the distance, its normal within 1 degree and its power within 1 %, in 5 s; the median within 0.5 %, 0.5 degrees and
+0.5 %, the longer side within 5 % and the shorter within 15 %. What the photo hides shows once the light is moved: at
+half the distance the found light's picture is within 2 % of the true one's (root mean square over mean).
 
     python -m reshade.bench.teapot_target --data FOLDER [--solver NAME]
 """
@@ -13,8 +15,9 @@ import json
 import sys
 import time
 from collections.abc import Generator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -23,6 +26,7 @@ from ..core.light_problem import Problem, brightness
 from ..core.light_search import SOLVERS
 from ..core.lights import shading
 from ..core.types import AreaLight, Array, Mask, Samples, Visible
+from ..core.visibility import visible_fraction
 from ..demo_blend.teapot import SCALE, bezier_teapot
 from ..reshade_addon.geometry import RayCaster, SceneGeometry
 
@@ -31,7 +35,9 @@ SAMPLES, RAYS = 800, 64
 STARTS, FAR = 6, 100.0
 TURN = np.radians(25.0)
 JUMP = 0.35  # metres between neighbouring pixels: two surfaces
-BARS = {"centre_pct": 1.0, "normal_deg": 1.0, "power_pct": 1.0}
+BARS = {"centre_pct": 1.0, "normal_deg": 1.0, "power_pct": 1.0, "relit_pct": 2.0}
+MEDIANS = {"centre_pct": 0.5, "normal_deg": 0.5, "power_pct": 0.5, "length_pct": 5.0, "width_pct": 15.0}
+RELIT_SAMPLES, RELIT_RAYS = 3000, 256
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,7 +155,7 @@ def drain(fit: Generator[float, None, LightFit]) -> LightFit:
             return end.value
 
 
-def errors(target: Target, fit: LightFit, samples: Samples) -> dict[str, float | list[float]]:
+def errors(target: Target, fit: LightFit, samples: Samples) -> dict[str, Any]:
     """How far a fit is off: centre in % of the distance, normal in degrees, power and sides in %.
 
     The radiance is that of the surfaces' strengths over their true albedo, the mean over the samples.
@@ -161,12 +167,27 @@ def errors(target: Target, fit: LightFit, samples: Samples) -> dict[str, float |
     between = np.arctan2(np.linalg.norm(np.cross(found.normal, true.normal)), found.normal @ true.normal)
     power = radiance * found.size.prod() / (true.radiance[0] * true.size.prod())
     distance = np.linalg.norm(true.centre - target.focus)
+    longer = int(np.argmax(true.size))
+    off = [float(x) for x in 100 * (sides / true.size - 1)]
     return {
         "centre_pct": float(100 * np.linalg.norm(found.centre - true.centre) / distance),
         "normal_deg": float(np.degrees(between)),
         "power_pct": float(100 * abs(power - 1)),
-        "sides_pct": [float(x) for x in 100 * (sides / true.size - 1)],
+        "length_pct": abs(off[longer]),
+        "width_pct": abs(off[1 - longer]),
+        "sides_pct": off,
     }
+
+
+def relit(target: Target, fit: LightFit, samples: Samples, visible: Visible) -> float:
+    """How far the picture (samples) under the found light at half its distance is off the true one, % of the mean."""
+    albedo = np.array([np.linalg.norm(target.albedo[target.surface == s][0]) for s in range(2)])
+    pictures = []
+    for light, strength in ((fit.light, fit.strength), (target.light, target.light.radiance[0] * albedo)):
+        there = replace(light, centre=target.focus + 0.5 * (light.centre - target.focus))
+        seen = visible_fraction(there, samples, visible, RELIT_RAYS, FAR)
+        pictures.append(strength[samples.surface] * shading(there, samples.point, samples.normal) * seen)
+    return float(100 * np.sqrt(np.mean((pictures[0] - pictures[1]) ** 2)) / pictures[1].mean())
 
 
 def problem_of(target: Target, *, shadows: bool = True, count: int = SAMPLES) -> Problem:
@@ -196,22 +217,28 @@ def main(arguments: list[str]) -> int:
     target = read_target(chosen.data)
     problem = problem_of(target)
     print(f"true light against the unshadowed picture: {check(target):.1e}")
-    print("start  centre %  normal deg  power %     sides %      seconds  processor  steps")
-    good = 0
+    print("start  centre %  normal deg  power %     sides %     relit %  seconds  processor  steps")
+    held_out, shadows = samples_of(target, target.image, RELIT_SAMPLES, seed=1), occluder(target)
+    good, found = 0, []
     for number, start in enumerate(starts(target)):
         began, worked = time.perf_counter(), time.process_time()
         fit = drain(SOLVERS[chosen.solver](problem, start, iterations=40))
         off = errors(target, fit, problem.samples)
         seconds, busy = time.perf_counter() - began, time.process_time() - worked
+        off["relit_pct"] = relit(target, fit, held_out, shadows)
+        found.append(off)
         good += all(off[name] <= bar for name, bar in BARS.items())
         sides = " ".join(f"{side:+6.1f}" for side in off["sides_pct"])
         print(
             f"{number + 1:5}  {off['centre_pct']:8.2f}  {off['normal_deg']:10.2f}  {off['power_pct']:7.2f}"
-            f"  {sides}  {seconds:7.1f}  {busy:9.1f}  {fit.iterations:5}{'' if fit.converged else ' (stopped)'}",
+            f"  {sides}  {off['relit_pct']:8.2f}  {seconds:7.1f}  {busy:9.1f}  {fit.iterations:5}"
+            f"{'' if fit.converged else ' (stopped)'}",
             flush=True,
         )
-    print(f"{good} of {STARTS} within {BARS['centre_pct']} %, {BARS['normal_deg']} degree, {BARS['power_pct']} %")
-    return 0 if good == STARTS else 1
+    median = {name: float(np.median([off[name] for off in found])) for name in (*MEDIANS, "relit_pct")}
+    print("medians: " + ", ".join(f"{name} {value:.2f}" for name, value in median.items()))
+    print(f"{good} of {STARTS} within " + ", ".join(f"{name} {bar:g}" for name, bar in BARS.items()))
+    return 0 if good == STARTS and all(median[name] <= bar for name, bar in MEDIANS.items()) else 1
 
 
 if __name__ == "__main__":
