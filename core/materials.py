@@ -7,18 +7,21 @@ A coat also darkens its base, by about 5 %, where no highlight shows. Where that
 photo have evident highlights, those say how strong this one's is: as their median.
 
 Light from other surfaces (`interreflection`) comes in two parts. What the photo shows is known, but for one factor: by
-how much it counts depends on how bright albedos really are, which by convention is open. What it does not show (the
-wall behind the camera) has no known colour: each such surface is a further light, whose colour is solved for.
+how much it counts depends on how bright albedos really are, which by convention is open. What it does not show is lit
+as the lights, the photo and the rest of it light it (radiosity). Where it is of a material that is seen elsewhere, its
+albedo is that one's; else (the wall behind the camera) it has no known colour: each such surface is a further light,
+whose colour is solved for. Brightness and albedos are solved in turn.
 """
 
 from collections.abc import Generator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .errors import ReshadeError
 from .gloss import MATT, STRONGEST, Gloss, GlossFit, Lit, base_share, specular_term
-from .interreflection import Surroundings
+from .interreflection import Gathered, Surroundings
 from .lights import shading as shading_of
 from .radiometric import SCALE, Radiometry, left_over, solve_radiometry
 from .samples import first, subset
@@ -32,7 +35,13 @@ _UNSEEN_RAYS = 16  # to a light from each patch the photo does not show
 _HEARD = 2e-3  # of what falls on such places: surfaces that send less to the samples are left out
 _SEARCHED = 800  # samples that tell how much light comes from other surfaces
 _DARKEST, _BRIGHTEST = 0.3, 0.98  # the brightest albedo of a scene, for its scale to be believed
-_STEP = 1.62  # between factors tried
+_ALBEDOS = (0.02, 2.5, 12)  # mean albedo if nothing came from other surfaces: from, to, how many are tried
+_STEP = 1.55  # between those
+_HALVINGS = 5  # of that step
+_EXCHANGES = 4  # of the brightness of what the photo does not show, and albedos, in turn
+_REFLECTIONS = 8  # among what it does not show
+_SIDES = 6  # that a surface may be turned to
+_USUAL, _WHITEST = 0.5, 0.95  # albedos of surfaces not yet known, and at most
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,11 +54,17 @@ class Card:
 
 @dataclass(frozen=True, slots=True)
 class Bounces:
-    """Light from other surfaces on N samples."""
+    """What is known of light from other surfaces on N samples."""
 
-    seen: Array  # (N, 3) from what the photo shows, radiance
-    unseen: Array  # (N, U) from each surface it does not show, of albedo 1, the first light of strength 1
-    factor: float | None = None  # by which `seen` counts, over the first light's strength; None: to be found
+    around: Surroundings
+    falling: Array  # (R, L) of each light at unit strength on what the photo does not show, shadows included
+    factor: float | None = None  # by which the photo's radiance counts, over the first light's; None: to be found
+
+    def first(self, count: int) -> "Bounces":
+        """Of the first samples."""
+        seen = self.around.samples
+        some = Gathered(seen.seen[:count], seen.openness[:count], seen.patches[:count])
+        return replace(self, around=replace(self.around, samples=some))
 
 
 @dataclass(frozen=True, slots=True)
@@ -163,65 +178,124 @@ def absolute(materials: Materials) -> tuple[Materials, str]:
     return replace(materials, radiometry=scaled, gloss=gloss), words
 
 
-def unseen_light(
-    around: Surroundings, lights: Sequence[Light], relative: Array, besides: float, visible: Visible, far: float
-) -> Array:
-    """Compute what each surface that the photo does not show sends to the samples, (N, U): see `Bounces`.
-
-    relative : (L,) strengths of the lights over the first one's
-    besides : light that falls on those surfaces besides that of the lights, over the first light's strength
-
-    Patches are grouped by surface, and those of surfaces no sample shows by the axis their normal is closest to: in a
-    room, by wall. Groups that bring next to nothing are left out.
-    """
-    patch, shares = around.patch, around.samples.patches
-    if not len(patch):
-        return np.zeros((shares.shape[0], 0))
-    shade = np.full(len(patch), besides)
-    for light, share in zip(lights, relative, strict=True):
-        seen = visible_fraction(light, patch, visible, _UNSEEN_RAYS, far)
-        shade += share * seen * shading_of(light, patch.point, patch.normal)
-    axis = np.argmax(np.abs(patch.normal), axis=1)
-    side = 2 * axis + (np.take_along_axis(patch.normal, axis[:, None], axis=1)[:, 0] > 0)
-    group = np.where(patch.surface >= 0, patch.surface, int(patch.surface.max(initial=0)) + 1 + side)
-    columns = [shares @ np.where(group == g, shade, 0.0) for g in np.unique(group)]
-    heard = [column for column in columns if column.mean() > _HEARD * shade.mean()]
-    return np.stack(heard, axis=1) if heard else np.zeros((shares.shape[0], 0))
+def falling(around: Surroundings, lights: Sequence[Light], visible: Visible, far: float) -> Array:
+    """Compute what falls on the patches that the photo does not show, (R, L): see `Bounces`."""
+    patch = around.patch
+    columns = [
+        visible_fraction(light, patch, visible, _UNSEEN_RAYS, far) * shading_of(light, patch.point, patch.normal)
+        for light in lights
+    ]
+    return np.stack(columns, axis=1) if len(patch) else np.zeros((0, len(lights)))
 
 
 def _solved(
-    samples: Samples, shading: Array, bounces: Bounces | None, with_ambient: bool
+    samples: Samples, shading: Array, bounces: Bounces | None, with_ambient: bool, left: Array | None = None
 ) -> tuple[Radiometry, Array | None]:
-    """The radiometric solve, and the light from other surfaces (N, 3) over the first light's strength."""
+    """The radiometric solve, and the light from other surfaces (N, 3) over the first light's strength.
+
+    left : (N,) share of what other surfaces send that is left for the diffuse bases
+    """
     if bounces is None:
         return solve_radiometry(samples, shading, with_ambient=with_ambient), None
-    direct = (bounces.factor or 0.0) * bounces.seen
-    terms = np.concatenate([shading, bounces.unseen], axis=1)
-    found = solve_radiometry(samples, terms, with_ambient=with_ambient, bounced=direct)
+    share = np.ones(len(samples)) if left is None else left
+    some = slice(_SEARCHED)  # enough to know what the photo does not show
+    few = first(samples, _SEARCHED), shading[some], bounces.first(_SEARCHED), share[some]
+    _, guess = _guessed(*few, with_ambient)
+    found, bounced, _ = _solved_once(samples, shading, bounces, share, with_ambient, guess)
+    return found, bounced
+
+
+def _guessed(
+    samples: Samples, shading: Array, bounces: Bounces, share: Array, with_ambient: bool
+) -> tuple[Radiometry, "_Guess"]:
+    """A rough solve, and how bright what the photo does not show is."""
+    guess = _Guess(np.full((len(samples.names) + _SIDES, 3), _USUAL), np.ones((shading.shape[1], 3)), np.zeros(3))
+    for _ in range(_EXCHANGES):
+        found, _, guess = _solved_once(samples, shading, bounces, share, with_ambient, guess, any_colour=True)
+    return found, guess
+
+
+@dataclass(frozen=True, slots=True)
+class _Guess:
+    """What light on, and from, that which the photo does not show depends on."""
+
+    albedo: Array  # (S + 6, 3) of each surface, and of what no sample shows by the side it is turned to
+    relative: Array  # (L, 3) strengths over the first light's
+    ambient: Array  # (3,) over the first light's strength
+
+
+def _solved_once(
+    samples: Samples,
+    shading: Array,
+    bounces: Bounces,
+    share: Array,
+    with_ambient: bool,
+    guess: _Guess,
+    *,
+    any_colour: bool = False,
+) -> tuple[Radiometry, Array, _Guess]:
+    """As `_solved`, with what the photo does not show as bright as a guess makes it; and a better guess."""
+    around, factor, surfaces = bounces.around, bounces.factor or 0.0, len(samples.names)
+    group, known = _grouped(around.patch, surfaces), (around.patch.surface >= 0)[:, None]
+    open_share = around.between.openness[:, None]
+    shade = bounces.falling @ guess.relative + open_share * guess.ambient + factor * around.between.seen
+    bright = _exchanged(shade, guess.albedo[group], around.between)
+    sent = factor * around.samples.seen
+    sent = sent + around.samples.patches @ np.where(known, guess.albedo[group] * bright, 0.0)
+    foreign = {int(g): around.samples.patches @ np.where((group == g)[:, None], bright, 0.0) for g in np.unique(group)}
+    foreign = {g: field for g, field in foreign.items() if g >= surfaces and field.mean() > _HEARD * bright.mean()}
+    terms = [shading[..., None] * np.ones(3), *(share[:, None, None] * field[:, None] for field in foreign.values())]
+    bounced = share[:, None] * sent
+    lit = np.concatenate(terms, axis=1)
+    found = solve_radiometry(samples, lit, with_ambient=with_ambient, bounced=bounced, any_colour=any_colour)
     own, others = np.split(found.strengths, [shading.shape[1]])
-    return replace(found, strengths=own), direct + bounces.unseen @ (others / np.maximum(own[0], 1e-300))
+    power = np.maximum(own[0], 1e-300)
+    albedo = guess.albedo.copy()
+    solved = found.albedo.any(axis=1)
+    albedo[:surfaces][solved] = np.minimum(factor * power * found.albedo, _WHITEST)[solved]
+    for (g, field), other in zip(foreign.items(), others, strict=True):
+        albedo[g] = np.minimum(other / power, _WHITEST)
+        bounced = bounced + share[:, None] * field * other / power
+    return replace(found, strengths=own), bounced, _Guess(albedo, own / power, found.ambient / power)
+
+
+def _grouped(patch: Samples, surfaces: int) -> NDArray[np.intp]:
+    """The material (R,) of each patch. Those that no sample shows are told apart by the axis their normal is closest
+    to: in a room, by wall."""
+    axis = np.argmax(np.abs(patch.normal), axis=1)
+    side = 2 * axis + (np.take_along_axis(patch.normal, axis[:, None], axis=1)[:, 0] > 0)
+    return np.where(patch.surface >= 0, patch.surface, surfaces + side)
+
+
+def _exchanged(shade: Array, albedo: Array, between: Gathered) -> Array:
+    """Light (R, 3) on patches that send one another what falls on them."""
+    bright = shade
+    for _ in range(_REFLECTIONS):
+        bright = shade + between.patches @ (albedo * bright)
+    return bright
 
 
 def _factor(samples: Samples, shading: Array, bounces: Bounces, with_ambient: bool) -> float:
     """By how much the light from surfaces that the photo shows counts: what leaves least of the photo."""
-    some, lit = first(samples, _SEARCHED), shading[:_SEARCHED]
-    seen, unseen = bounces.seen[:_SEARCHED], bounces.unseen[:_SEARCHED]
+    some, lit, near = first(samples, _SEARCHED), shading[:_SEARCHED], bounces.first(_SEARCHED)
 
     def left(factor: float) -> float:
-        return left_over(some, _solved(some, lit, Bounces(seen, unseen, factor), with_ambient)[0])
+        return left_over(some, _guessed(some, lit, replace(near, factor=factor), np.ones(len(some)), with_ambient)[0])
 
-    level, usual = float(seen.mean()), float(lit.sum(axis=1).mean())
-    if level <= 0 or usual <= 0:
+    bare = solve_radiometry(some, lit, with_ambient=with_ambient, any_colour=True)
+    product = float(np.average((bare.strengths[0] * bare.albedo[some.surface]).mean(axis=1), weights=some.weight))
+    if product <= 0:
         return 0.0
-    tried = {factor: left(factor) for factor in [0.0, *(usual / level * np.geomspace(0.02, 4.0, 12)).tolist()]}
+    tried = {factor: left(factor) for factor in [0.0, *(np.geomspace(*_ALBEDOS) / product).tolist()]}
     best = min(tried, key=tried.__getitem__)
     if best == 0:
         return 0.0
-    low, high = best / _STEP, best * _STEP
-    for _ in range(6):
-        a, b = low + 0.382 * (high - low), low + 0.618 * (high - low)
-        low, high = (low, b) if left(a) < left(b) else (a, high)
-    return (low + high) / 2
+    step = _STEP
+    for _ in range(_HALVINGS):
+        step = step**0.5
+        tried |= {factor: left(factor) for factor in (best / step, best * step)}
+        best = min(tried, key=tried.__getitem__)
+    return best
 
 
 def _without_gloss(
@@ -235,9 +309,7 @@ def _without_gloss(
             some = subset(samples, of)
             specular[of], left[of] = specular_term(some, lit.of(of), one), base_share(some, one)
     base = replace(samples, colour=samples.colour - specular, openness=samples.openness * left)
-    if bounces is not None:
-        bounces = replace(bounces, seen=bounces.seen * left[:, None], unseen=bounces.unseen * left[:, None])
-    found, bounced = _solved(base, lit.shading * left[:, None], bounces, with_ambient)
+    found, bounced = _solved(base, lit.shading * left[:, None], bounces, with_ambient, left)
     share = np.maximum(left, 1e-6)[:, None]
     matt = replace(samples, colour=base.colour / share)
     return found, None if bounced is None else bounced / share, matt

@@ -14,7 +14,7 @@ from .color import linear_to_srgb
 from .hints import Hint
 from .light_search import Asked, Effort, Sight, asked, look, polished, search
 from .lights import reach_of, shading, with_strength
-from .materials import Bounces, Card, Materials, absolute, in_regions, solve_materials, unseen_light
+from .materials import Bounces, Card, Materials, absolute, falling, in_regions, solve_materials
 from .noise import noise_of
 from .progress import shifted
 from .radiometric import SCALE, left_over
@@ -40,7 +40,6 @@ from .visibility import visible_fraction
 
 _BOUNCE_GAIN = 0.05  # of the logarithm of what is left over: interreflection that explains less is left out
 _GLOSS_ROUNDS = 2  # of light and gloss in turn
-_BOUNCE_ROUNDS = 2  # of what the photo does not show, by the light found
 _TEXTURED = 0.08  # robust spread of a surface's residual over its mean: more is texture, not noise
 _UNTRUSTED = 0.6  # share of the photo's variation left over, above which no light explains it
 
@@ -160,7 +159,7 @@ def _materials(
 ) -> Generator[Progress, None, Materials]:
     """Solve for the materials under lights that stay where they are.
 
-    bounce : how much other surfaces send, over the first light's strength, where a fit has told
+    bounce : how much other surfaces send, where a fit has told: if nothing, they are left out
     """
     samples, effort = here.samples, _EFFORTS[quality]
     shares, columns = [], []
@@ -171,20 +170,10 @@ def _materials(
     lit, seen = np.stack(columns, axis=1), np.stack(shares, axis=1)
     yield Progress(0.3, "Solving materials")
     bounces = None
-    if here.around is not None and bounce is not None:
-        if bounce > 0:
-            unseen = unseen_light(here.around, lights, np.ones(1), 0.0, sight.visible, sight.far)
-            bounces = Bounces(here.around.samples.seen, unseen, bounce)
-    elif here.around is not None:
-        relative, besides = np.ones(len(lights)), 0.0
-        for _ in range(_BOUNCE_ROUNDS):
-            unseen = unseen_light(here.around, lights, relative, besides, sight.visible, sight.far)
-            bounces = Bounces(here.around.samples.seen, unseen)
-            matt = yield from solve_materials(samples, lights, lit, seen, bounces=bounces, rounds=0)
-            bounces = replace(bounces, factor=matt.factor)
-            power = matt.radiometry.strengths.mean(axis=1)
-            relative = power / max(power[0], 1e-300)
-            besides = 0.0 if matt.bounced is None else float(matt.bounced.mean())
+    if here.around is not None and (bounce is None or bounce > 0):
+        bounces = Bounces(here.around, falling(here.around, lights, sight.visible, sight.far))
+        matt = yield from solve_materials(samples, lights, lit, seen, bounces=bounces, rounds=0)
+        bounces = replace(bounces, factor=matt.factor)
         without = yield from solve_materials(samples, lights, lit, seen, rounds=0)
         gain = left_over(samples, without.radiometry) - left_over(samples, matt.radiometry)
         bounces = bounces if gain > _BOUNCE_GAIN else None

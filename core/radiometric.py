@@ -34,22 +34,28 @@ class Radiometry:
 
 
 def solve_radiometry(
-    samples: Samples, shading: Array, *, with_ambient: bool = True, bounced: Array | None = None
+    samples: Samples,
+    shading: Array,
+    *,
+    with_ambient: bool = True,
+    bounced: Array | None = None,
+    any_colour: bool = False,
 ) -> Radiometry:
     """Solve for strengths, albedos and ambient.
 
-    shading : (N, L) of each light at unit strength, shadows included
+    shading : (N, L) or (N, L, 3) of each light at unit strength, shadows included
     with_ambient : False holds the ambient at zero
     bounced : (N, 3) what other surfaces send, over the first light's strength
+    any_colour : of the ambient, whatever fits best: a quarter of the work
     Residuals beyond their surface's usual spread count less (soft-L1), so highlights and unmodelled things do not pull.
     The ambient gets a colour of its own only where that leaves clearly less over than the first light's colour does:
     the darkest pixels of textured surfaces say little about it, and a wrong one shows in every shadow.
     """
-    lit = np.repeat(shading[..., None], 3, axis=2)
+    lit = np.repeat(shading[..., None], 3, axis=2) if shading.ndim == 2 else shading.copy()
     if bounced is not None:
         lit[:, 0] += bounced
     coloured = _solve(samples, lit, samples.openness * float(with_ambient))
-    if not np.any(coloured.ambient > 0):
+    if any_colour or not np.any(coloured.ambient > 0):
         return coloured
     plain = _with_plain_ambient(samples, lit, coloured)
     return coloured if left_over(samples, coloured) < left_over(samples, plain) - _COLOUR_GAIN else plain

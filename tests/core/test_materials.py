@@ -1,22 +1,17 @@
-"""Surfaces that hide several albedos, solved under a light that is given."""
+"""Materials under a light that is given: surfaces that hide several albedos, and that light one another."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from core.lights import with_strength
+from core.interreflection import gather
+from core.lights import shading, with_strength
+from core.materials import Bounces, absolute, falling, solve_materials
 from core.pipeline import solve, united
+from core.progress import drain
 from core.report import to_dict
-from core.types import Surface
-
-
-def drained(steps):
-    while True:
-        try:
-            next(steps)
-        except StopIteration as end:
-            return end.value
+from core.types import Buffers, Camera, Hits, Photo, PointLight, Samples, Surface
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.01])
@@ -26,7 +21,7 @@ def test_a_floor_of_two_albedos_is_solved_in_regions(ball, noise):
     darker = (ball.buffers.surface == 0) & (ball.buffers.point[..., 0] > 0.6)
     photo = replace(photo, linear=np.where(darker[..., None], photo.linear / 1.8, photo.linear))
     given = with_strength(light, np.ones(3))
-    found = drained(solve(photo, ball.camera, ball.buffers, ball.visible, [given]))
+    found = drain(solve(photo, ball.camera, ball.buffers, ball.visible, [given]))
     floor, other = found.surfaces
     assert (floor.name, other.name) == ("floor", "ball") and not other.regions
     first, second = floor.regions
@@ -40,7 +35,7 @@ def test_a_floor_of_two_albedos_is_solved_in_regions(ball, noise):
 
 def test_one_albedo_under_a_shadow_is_no_two(ball):
     light = ball.light()
-    found = drained(solve(ball.photo(light, ambient=0.5), ball.camera, ball.buffers, ball.visible, [light]))
+    found = drain(solve(ball.photo(light, ambient=0.5), ball.camera, ball.buffers, ball.visible, [light]))
     assert not any(surface.regions for surface in found.surfaces)
 
 
@@ -49,3 +44,53 @@ def test_regions_come_back_to_their_material():
     first, second = united(found, ("a", "b", "unseen"))
     assert first.name == "a" and [one.albedo[0] for one in first.regions] == [0.5, 0.3] and first.albedo[0] == 0.5
     assert second is found[1]
+
+
+RADIUS, LOWER, UPPER, STRENGTH = 2.0, 0.45, 0.7, 30.0
+
+
+def integrating_sphere(count=500):
+    """Samples all over the inside of a sphere, the photo of which shows none of what they see; and a light in it."""
+    turn, height = np.pi * (3 - np.sqrt(5)) * np.arange(count), 1 - (2 * np.arange(count) + 1) / count
+    ring = np.sqrt(1 - height**2)
+    way = np.stack([ring * np.cos(turn), ring * np.sin(turn), height], axis=1)
+    nothing, pixel, ones = np.zeros((count, 3)), np.zeros((count, 2), np.int32), np.ones(count)
+    surface = (height > 0).astype(np.int32)
+    names = ("lower", "upper")
+    samples = Samples(RADIUS * way, -way, nothing, nothing + 0.1, surface, ones, pixel, ones, names, 1e-6 * RADIUS)
+
+    def meets(points, ways):
+        b = (points * ways).sum(axis=1)
+        distance = -b + np.sqrt(np.maximum(b * b - (points**2).sum(axis=1) + RADIUS**2, 0.0))
+        point = points + distance[:, None] * ways
+        return Hits(point, -point / RADIUS, (point[:, 2] > 0).astype(np.intp))
+
+    to_world = np.eye(4)
+    to_world[2, 3] = -10.0  # it looks away
+    camera = Camera(to_world, np.full(2, 10.0), np.full(2, 4.0), 8, 8)
+    away = np.full((8, 8, 3), np.nan)
+    buffers = Buffers(away, away, np.full((8, 8), -1, np.int32), np.zeros((8, 8), dtype=bool), names)
+    photo = Photo(np.zeros((8, 8, 3)), np.zeros((8, 8), dtype=bool))
+    around = drain(gather(samples, photo, camera, buffers, meets))
+    return samples, around, PointLight(np.array([0.3, 0.2, -0.9]), np.ones(3))
+
+
+def test_light_that_surfaces_send_one_another_tells_how_bright_they_are():
+    """In a sphere every place gets the same from the others: the mean of k E over 1 - the mean of k."""
+    samples, around, light = integrating_sphere()
+    albedo = np.where(samples.surface == 0, LOWER, UPPER)
+    direct = shading(light, samples.point, samples.normal)
+    bounced = np.mean(albedo * direct) / (1 - np.mean(albedo))
+    seen = replace(samples, colour=(STRENGTH * albedo * (direct + bounced))[:, None] * np.ones(3))
+
+    def visible(start, target):
+        return np.ones(len(start), dtype=bool)
+
+    bounces = Bounces(around, falling(around, [light], visible, 100.0))
+    lit = direct[:, None]
+    steps = solve_materials(seen, [light], lit, np.ones_like(lit), with_ambient=False, bounces=bounces, rounds=0)
+    found, _ = absolute(drain(steps))
+    # What a sample receives from the others is known from 128 rays.
+    np.testing.assert_allclose(found.radiometry.albedo, np.array([[LOWER], [UPPER]]) * np.ones(3), rtol=0.07)
+    np.testing.assert_allclose(found.radiometry.strengths, STRENGTH, rtol=0.07)
+    np.testing.assert_allclose(found.bounced.mean(), bounced, rtol=0.07)
