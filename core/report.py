@@ -73,6 +73,7 @@ def _light(light: Light, name: str, sure: Uncertainty | None) -> dict[str, objec
     if sure is not None:
         out["uncertainty"] = {
             "centre_m": sure.centre,
+            "centre_axes_m": [_list(axis) for axis in sure.axes],
             "normal_deg": math.degrees(sure.normal),
             "log_size": _list(sure.log_size),
             "log_energy": sure.log_energy,

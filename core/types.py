@@ -144,13 +144,14 @@ class Surface:
 
 @dataclass(frozen=True, slots=True)
 class Uncertainty:
-    """One standard deviation of each strong and weak direction of a fitted light."""
+    """How far a fitted light may be off: 1.6449 times each deviation is a 90 % interval, of the normal's a cone."""
 
     centre: float  # metres
     normal: float  # radians
     log_size: Array  # (2,)
     log_energy: float
     weakest: str  # in words
+    axes: Array = field(default_factory=lambda: np.zeros((3, 3)))  # rows: principal deviations of the centre, metres
 
 
 @dataclass(frozen=True, slots=True)
