@@ -84,6 +84,8 @@ class RESHADE_PT_light(_Step, bpy.types.Panel):
         if found:
             for light in found["lights"]:
                 _light(layout, context, light)
+            if any(light.get("uncertainty") for light in found["lights"]):
+                layout.prop(choices, "show_uncertainty")
             for warning in found["warnings"]:
                 _text(layout, context, warning, "ERROR")
 

@@ -4,10 +4,17 @@ import json
 from typing import Any
 
 import bpy
-from bpy.props import EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
+from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
 
 QUALITIES = ("draft", "standard", "accurate")
 MODELS = ("auto", "area", "point", "sun")
+
+
+def _redraw(choices: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:
+    for window in context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type == "VIEW_3D":
+                area.tag_redraw()
 
 
 class SceneReshade(bpy.types.PropertyGroup):
@@ -59,6 +66,12 @@ class SceneReshade(bpy.types.PropertyGroup):
         default=64,
         min=1,
         soft_max=4096,
+    )
+    show_uncertainty: BoolProperty(
+        name="Show Uncertainty",
+        description="Draw how far the light may be off into the viewport: where it may stand, which way it may shine, "
+        "its smallest and its largest sides; each holds the truth nine times in ten",
+        update=_redraw,
     )
     report: StringProperty(name="Report", description="What was found, as JSON", options={"HIDDEN"})
     reference: PointerProperty(
