@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from ..core.camera import pixel_centres
+from ..core.highlights.fragments import Fragments
 from ..core.highlights.products import SEEN, Split
-from ..core.highlights.with_scene import Fragments, SceneSplit, split_with_scene
+from ..core.highlights.with_scene import SceneSplit, split_with_scene
 from ..core.progress import shifted
 from ..core.types import Array, Light, Photo, Progress, Samples
 from ..core.visibility import openness, visible_fraction

@@ -1,28 +1,25 @@
 """Highlights with a known scene: the lobes are the reflectance module's, and texture and gloss are told apart."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from scipy import ndimage
 
-from core.highlights.albedo_likelihood import Bands, Likelihood, bands, choose
+from core.highlights.albedo_likelihood import Bands, Likelihood, Tones
+from core.highlights.fragments import Fragments, diffuse_light
 from core.highlights.lobes import lobes
-from core.highlights.with_scene import Fragments, diffuse_light, split_with_scene
+from core.highlights.with_scene import split_with_scene
 from core.lights import facing, with_strength
+from core.progress import drain
 from core.reflectance import coat, coat_albedo, coat_index
 from core.specular_area import reflected
 from core.types import Photo, PointLight, SunLight
 
-SIDE = 72
+SIDE = 48
 EYE = np.array([0.0, -2.0, 1.2])
 AMBIENT = np.array([0.02, 0.02, 0.03])
-LIGHT = with_strength(facing(np.array([0.1, 2.0, 1.3]), np.zeros(3), 0.5), np.array([20.0, 18.0, 15.0]))
-
-
-def drained(steps):
-    while True:
-        try:
-            next(steps)
-        except StopIteration as end:
-            return end.value
+LIGHT = with_strength(facing(np.array([0.1, 2.0, 1.3]), np.zeros(3), 0.3), np.array([20.0, 18.0, 15.0]))
 
 
 def plane(names=("table",)) -> Fragments:
@@ -46,8 +43,6 @@ def plane(names=("table",)) -> Fragments:
 
 def textures(rng):
     """Albedos (H, W, 3): wood-like stripes of one hue, a black and white print, grey marble, brick."""
-    from scipy import ndimage
-
     y, x = np.mgrid[:SIDE, :SIDE] / SIDE
     clouds = ndimage.gaussian_filter(rng.standard_normal((SIDE, SIDE)), 6)
     clouds /= clouds.std()
@@ -123,26 +118,28 @@ def test_lobes_of_a_point_and_of_a_sun_are_the_coats_response() -> None:
     assert lobes(sun, seen.point, seen.normal, view, [0.3], [1.5])[0, 0] == pytest.approx(wanted, rel=1e-6)
 
 
-@pytest.mark.parametrize(("level", "roughness"), [(0.5, 0.3), (0.8, 0.22)])
-def test_texture_and_highlight_are_told_apart(level, roughness) -> None:
+@pytest.mark.parametrize(
+    ("name", "level", "roughness"),
+    [("wood", 0.5, 0.3), ("print", 0.5, 0.3), ("marble", 0.8, 0.22), ("brick", 0.8, 0.22)],
+)
+def test_texture_and_highlight_are_told_apart(name, level, roughness) -> None:
     seen = plane()
-    specular = shine(seen, level, roughness)
-    for name, albedo in textures(np.random.default_rng(1)):
-        diffuse, photo = photo_of(seen, albedo, specular)
-        found = drained(split_with_scene(photo, seen, [LIGHT], AMBIENT))
-        (gloss,) = found.gloss
-        assert gloss, name
-        assert gloss.specular == pytest.approx(level, rel=0.3), name
-        assert gloss.roughness == pytest.approx(roughness, rel=0.12), name
-        assert gain(photo, diffuse, found.split.diffuse) > 15, name
+    albedo = dict(textures(np.random.default_rng(1)))[name]
+    diffuse, photo = photo_of(seen, albedo, shine(seen, level, roughness))
+    found = drain(split_with_scene(photo, seen, [LIGHT], AMBIENT))
+    (gloss,) = found.gloss
+    assert gloss
+    assert gloss.specular == pytest.approx(level, rel=0.3)
+    assert gloss.roughness == pytest.approx(roughness, rel=0.12)
+    assert gain(photo, diffuse, found.split.diffuse) > 15
 
 
-def test_matt_surfaces_have_no_highlight() -> None:
+@pytest.mark.parametrize("name", ["wood", "marble"])
+def test_matt_surfaces_have_no_highlight(name) -> None:
     seen = plane()
-    for name, albedo in textures(np.random.default_rng(1)):
-        diffuse, photo = photo_of(seen, albedo, 0.0)
-        found = drained(split_with_scene(photo, seen, [LIGHT], AMBIENT))
-        assert np.abs(found.split.diffuse - diffuse).mean() < 0.01 * diffuse.mean(), name
+    diffuse, photo = photo_of(seen, dict(textures(np.random.default_rng(1)))[name], 0.0)
+    found = drain(split_with_scene(photo, seen, [LIGHT], AMBIENT))
+    assert np.abs(found.split.diffuse - diffuse).mean() < 0.01 * diffuse.mean()
 
 
 def test_each_surface_has_a_gloss_of_its_own() -> None:
@@ -151,7 +148,7 @@ def test_each_surface_has_a_gloss_of_its_own() -> None:
     specular = np.where(left, shine(seen, 0.4, 0.22), shine(seen, 0.8, 0.4))
     (_, albedo), *_ = textures(np.random.default_rng(3))
     diffuse, photo = photo_of(seen, albedo, specular)
-    found = drained(split_with_scene(photo, seen, [LIGHT], AMBIENT))
+    found = drain(split_with_scene(photo, seen, [LIGHT], AMBIENT))
     assert [gloss.name for gloss in found.gloss] == ["left", "right"]
     assert found.gloss[0].roughness == pytest.approx(0.22, rel=0.12)
     assert found.gloss[1].roughness == pytest.approx(0.4, rel=0.12)
@@ -164,7 +161,7 @@ def test_in_shadow_there_is_no_highlight() -> None:
     specular = shine(seen, 0.5, 0.3) * seen.arriving.reshape(SIDE, SIDE, 1)
     (_, albedo), *_ = textures(np.random.default_rng(3))
     diffuse, photo = photo_of(seen, albedo, specular)
-    found = drained(split_with_scene(photo, seen, [LIGHT], np.zeros(3)))
+    found = drain(split_with_scene(photo, seen, [LIGHT], np.zeros(3)))
     assert np.array_equal(found.split.specular[:, SIDE // 2 :], np.zeros((SIDE, SIDE // 2, 3)))
     assert gain(photo, diffuse, found.split.diffuse) > 12
 
@@ -183,7 +180,7 @@ def test_a_silhouettes_pixel_gets_its_shares() -> None:
     )
     (_, albedo), *_ = textures(np.random.default_rng(3))
     _, photo = photo_of(seen, albedo, shine(seen, 0.5, 0.3))
-    one, other = (drained(split_with_scene(photo, s, [LIGHT], AMBIENT)) for s in (seen, twice))
+    one, other = (drain(split_with_scene(photo, s, [LIGHT], AMBIENT)) for s in (seen, twice))
     assert other.split.specular[-1, -1] == pytest.approx(0.75 * one.split.specular[-1, -1], rel=0.1)
 
 
@@ -196,7 +193,7 @@ def test_what_a_highlight_clipped_is_continued_from_its_border() -> None:
     image = np.minimum(photo.linear, ceiling)
     clipped = Photo(image, (image >= ceiling).any(axis=2))
     assert clipped.clipped.mean() > 0.03
-    found = drained(split_with_scene(clipped, seen, [LIGHT], AMBIENT))
+    found = drain(split_with_scene(clipped, seen, [LIGHT], AMBIENT))
     at = clipped.clipped
     error, idle = (np.sqrt(((x - diffuse)[at] ** 2).mean()) for x in (found.split.diffuse, image))
     assert error < 0.25 * idle
@@ -208,17 +205,46 @@ def test_the_likeliest_albedo_is_that_without_the_highlight() -> None:
     bump = np.exp(-((x - 40) ** 2 + (y - 40) ** 2) / 300)[..., None] * np.ones(3)
     albedo = 0.3 + 0.05 * rng.standard_normal((80, 80, 1)) * [1, 0.9, 0.8]
     mask = np.ones((80, 80), dtype=bool)
-    chosen = choose(mask)
-    likelihood = Likelihood(bands(albedo + 0.1 * bump, mask, chosen), 0.3)
-    split = bands(bump, mask, chosen)
-    costs = [likelihood.cost(Bands(tuple(k * b for b in split.values))) for k in (0.0, 0.05, 0.1, 0.15, 0.2)]
+    likelihood = Likelihood(albedo + 0.1 * bump, mask)
+    split = likelihood.split(bump)
+    costs = [
+        likelihood.cost(Bands(tuple(k * b for b in split.values)), k * bump[mask]) for k in (0.0, 0.05, 0.1, 0.15, 0.2)
+    ]
     assert np.argmin(costs) == 2
 
 
+def test_a_surface_of_little_evidence_learns_the_lights_strength_from_the_others() -> None:
+    seen = plane(("table", "patch"))
+    small = np.zeros((SIDE, SIDE), dtype=bool)
+    small[22:30, 22:30] = True
+    seen.surface[:] = small.ravel()
+    _, _, _, (_, albedo) = textures(np.random.default_rng(3))
+    # The light is taken for six times as strong as it is: levels come out much lower, the small one's too.
+    diffuse, photo = photo_of(seen, albedo, shine(seen, 0.6, 0.3))
+    stronger = replace(LIGHT, radiance=6 * LIGHT.radiance)
+    found = drain(split_with_scene(photo, seen, [stronger], 6 * AMBIENT))
+    assert found.gloss[1].specular == pytest.approx(found.gloss[0].specular, rel=0.4)
+    assert found.gloss[0].specular < 0.15
+
+
 def test_too_small_a_surface_is_left_as_it_is() -> None:
-    seen = plane(("table", *(f"strip {n}" for n in range(71))))
+    seen = plane(("table", "patch"))
+    small = np.zeros((SIDE, SIDE), dtype=bool)
+    small[22:27, 22:27] = True
+    seen.surface[:] = small.ravel()
     (_, albedo), *_ = textures(np.random.default_rng(3))
     _, photo = photo_of(seen, albedo, shine(seen, 0.5, 0.3))
-    found = drained(split_with_scene(photo, seen, [LIGHT], AMBIENT))
-    assert not any(found.gloss)
-    assert np.array_equal(found.split.diffuse, photo.linear)
+    found = drain(split_with_scene(photo, seen, [LIGHT], AMBIENT))
+    assert found.gloss[0] and not found.gloss[1]
+    assert np.array_equal(found.split.diffuse[small], photo.linear[small])
+
+
+def test_tones_spread_by_a_highlight_have_more_entropy() -> None:
+    rng = np.random.default_rng(2)
+    ink = rng.choice([0.04, 0.75], 2000)[:, None] * np.ones(3)
+    lobe = rng.uniform(0, 0.5, 2000)[:, None] * np.ones(3)
+    tones = Tones(ink + lobe, 0.4)
+    left = [tones.entropy(k * lobe) for k in (0.0, 0.5, 0.9, 1.0, 1.1, 1.5)]
+    assert np.argmin(left) == 3
+    # Two lines become two boxes of width 0.5 / 0.4; a line is as wide as the histogram's smoothing, two of its steps.
+    assert left[0] - left[3] == pytest.approx(np.log(1.25 / 0.01) - np.log(2 * np.sqrt(2 * np.pi)), abs=0.1)

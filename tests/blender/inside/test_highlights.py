@@ -255,7 +255,7 @@ def test_a_large_photo_is_solved_small_and_enlarged(solved, load, monkeypatch):
     scene, photo, matt = solved
     module, drain = load("reshade_addon.highlights_scene"), load("core.progress").drain
     monkeypatch.setattr(module, "PIXELS", 48 * 36)
-    monkeypatch.setattr(load("core.highlights.with_scene"), "FEWEST", 30)
+    monkeypatch.setattr(load("core.highlights.gloss_fit"), "FEWEST", 30)
     picture = load("core.types").Photo(photo, np.zeros(photo.shape[:2], dtype=bool))
     found = drain(module.split_scene(scene, picture)).split
     assert found.diffuse.shape == photo.shape
