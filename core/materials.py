@@ -38,7 +38,7 @@ _DARKEST, _BRIGHTEST = 0.3, 0.98  # the brightest albedo of a scene, for its sca
 _ALBEDOS = (0.02, 2.5, 12)  # mean albedo if nothing came from other surfaces: from, to, how many are tried
 _STEP = 1.55  # between those
 _HALVINGS = 5  # of that step
-_EXCHANGES = 4  # of the brightness of what the photo does not show, and albedos, in turn
+_EXCHANGES = 6  # of the brightness of what the photo does not show, and albedos, in turn
 _REFLECTIONS = 8  # among what it does not show
 _SIDES = 6  # that a surface may be turned to
 _USUAL, _WHITEST = 0.5, 0.95  # albedos of surfaces not yet known, and at most
@@ -256,7 +256,9 @@ def _solved_once(
     for (g, field), other in zip(foreign.items(), others, strict=True):
         albedo[g] = np.minimum(other / power, _WHITEST)
         bounced = bounced + share[:, None] * field * other / power
-    return replace(found, strengths=own), bounced, _Guess(albedo, own / power, found.ambient / power)
+    # Halfway: in a bright room albedos that are too low make others too bright by more than they are off.
+    better = _Guess((guess.albedo + albedo) / 2, own / power, found.ambient / power)
+    return replace(found, strengths=own), bounced, better
 
 
 def _grouped(patch: Samples, surfaces: int) -> NDArray[np.intp]:
