@@ -7,7 +7,7 @@ import bpy
 import numpy as np
 from scipy import ndimage
 
-from ..core.albedo_map import albedo_map
+from ..core.albedo_map import albedo_map, around
 from ..core.types import Array, Buffers, Mask, Photo, Progress, Surface
 from . import scene_write
 from .render_depsgraph import settings
@@ -61,8 +61,9 @@ def albedo_texture(
     pure = (buffers.surface >= 0) & ~buffers.mixed
     shading = _smooth((rendered - highlights) / np.maximum(albedo, 1e-3), buffers.surface, pure)
     matt = np.maximum(resized(photo.linear, width, height) - _smooth(highlights, buffers.surface, pure), 0.0)
-    texture = albedo_map(matt, shading, albedo)
-    known = pure & textured[buffers.surface] & ~(resized(photo.clipped[..., None] * 1.0, width, height)[..., 0] > 0)
+    pure &= ~(resized(photo.clipped[..., None] * 1.0, width, height)[..., 0] > 0)
+    texture = albedo_map(matt, shading, around(matt, shading, albedo, buffers.surface, pure))
+    known = pure & textured[buffers.surface]
     if not known.any():
         return np.zeros((height, width, 4))
     # A colour for every pixel, so that filtering at the outline mixes in nothing foreign.

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from core.albedo_map import albedo_map
+from core.albedo_map import albedo_map, around
 from core.noise import noise_of
 from core.types import Photo
 
@@ -44,3 +44,19 @@ def test_a_clean_photo_has_at_least_its_rounding():
     photo = Photo(np.full((10, 10, 3), 0.5), np.zeros((10, 10), bool))
     assert 0 < noise_of(photo) < 1e-4
     assert noise_of(Photo(np.full((1, 1, 3), 0.5), np.zeros((1, 1), bool))) > 0
+
+
+def test_in_a_shadow_the_surroundings_tell_the_albedo():
+    column = np.arange(64)
+    surface = np.zeros((32, 64), np.int32)
+    surface[:, 48:] = 1
+    true = np.where(column < 24, 0.6, 0.3)[None, :, None] * np.ones((32, 1, 3))
+    shading = np.ones((32, 64, 3))
+    shading[12:20] = 1e-4  # a shadow across both albedos
+    known = column[None] >= 4
+    solved = np.full((32, 64, 3), 0.5)
+    found = around(true * shading, shading, solved, surface, np.broadcast_to(known, surface.shape))
+    np.testing.assert_allclose(found[:, 6:11], true[:, 6:11], rtol=0.02)
+    np.testing.assert_allclose(found[:, 36:], true[:, 36:], rtol=0.02)
+    nothing = around(true * shading, shading, solved, surface, np.zeros_like(surface, dtype=bool))
+    np.testing.assert_allclose(nothing, solved)

@@ -50,3 +50,23 @@ def test_nothing_turns_darker_than_black():
     photo[0, 0] = -0.01  # a raw photo's noise may be
     found = combine(photo, WAS, np.zeros_like(WAS), NONE)
     assert found[0, 0].min() >= -0.01 and found[1:].min() >= 0
+
+
+def test_noise_of_a_penumbra_is_not_multiplied_where_it_is_lit_up():
+    """Photo and render each have noise of their own there: their ratio has more, and the change is large."""
+    rng = np.random.default_rng(1)
+    shape = (60, 80, 3)
+    true = np.broadcast_to(np.linspace(0.0, 1.0, 80)[None, :, None], shape)
+    photo, was = (np.maximum(true + 0.08 * np.sqrt(true) * rng.normal(size=shape), 0.0) for _ in range(2))
+    found = combine(0.8 * photo, was, was + 0.9 * (1 - true), np.zeros(shape[:2]))
+    wanted = 0.8 * (true + 0.9 * (1 - true))
+    dim = (true[..., 0] > 0.02) & (true[..., 0] < 0.3)
+    assert np.sqrt(np.mean((found - wanted)[dim] ** 2)) < 0.06  # a pixel's own ratio leaves 0.22
+
+
+def test_what_is_lit_up_gets_the_gain_of_what_is_lit_nearby():
+    """A surface twice as bright as its model, half of it in a shadow that the edit takes away."""
+    was = np.full((80, 120, 3), 0.4)
+    was[:, 50:70] = 0.0
+    found = combine(1.7 * was, was, np.full_like(was, 0.5), np.zeros(was.shape[:2]))
+    np.testing.assert_allclose(found, 1.7 * 0.5, rtol=0.03)
