@@ -9,7 +9,7 @@ from scipy import ndimage
 from ..types import Array, Mask, Progress
 from . import evidence as ev
 from .clipping import clipped_channels, continued
-from .illuminant import degrees_between, estimate
+from .illuminant import degrees_between, estimate, mean_colour
 from .products import SEEN, Split
 from .specular_free import parts
 
@@ -20,6 +20,10 @@ SMOOTH = 2.0  # pixels of a photo 400 wide: scale of the Laplacian that Lee's fa
 TRUSTED = 1.5e-4  # mean square of the specular part, peak 1, from which on it says more of the light than the priors
 OWN_COLOUR = (5.0, 12.0)  # degrees between light and surface: under the first, what was found says nothing of the light
 FAR = (6.0, 12.0)  # degrees from the first estimate: above the second, what was found was no highlight
+SAME = 0.5  # degrees between two lights that need no telling apart
+LEADS = (0.04, 0.1)  # share of the way from the surface's colour to the light's that a highlight's leads, at least
+APART = (4.0, 8.0)  # degrees between two estimates: under the first, they differ by no more than they err
+AGREES = (2.0, 5.0)  # degrees between an estimate and what was found: over the second, they are different colours
 ACCEPTED = 0.2  # share of the smallest channel that must be specular for a clipped pixel to be rebuilt
 BURNT = 0.02  # of the peak: what was found round a burnt-out spot reaches out to here
 FADES = 0.05  # of the peak: what is found beside a burnt-out spot, at least, if it is a highlight
@@ -108,27 +112,60 @@ def light_colour(image: Array, usable: Mask) -> Array:
     factor = int(np.ceil(max(usable.shape) / LIGHT_SIDE))
     if factor > 1:
         image, _, usable = _reduced(image, np.zeros((*usable.shape, 3), dtype=bool), usable, factor)
-    light = estimate(image, usable)
-    lit = np.maximum(image, 0.0) / light
-    seen = ev.gather(lit, usable, ev.FINE)
-    found = np.where(usable, ev.whole(seen, lit), 0.0)
-    saliency = float((found**2).mean()) / seen.peak**2
+    estimated, light = estimate(image, usable)
+    lees, saliency, found = _lees_factors(image, usable, light)
+    apart = degrees_between(estimated, light)
+    if apart > SAME and saliency > 0:
+        light = _between(estimated, light, _converges(image, lees, estimated, light, apart))
+        lees, saliency, found = _lees_factors(image, usable, light)
     if saliency < 0.01 * TRUSTED:
         return light
     sigma = SMOOTH * max(usable.shape) / 400
-    bend = ndimage.gaussian_laplace(parts(lit)[0], sigma)
-    weight = ndimage.gaussian_filter(found / found.max(), sigma) * bend
-    factors = np.array([(weight * ndimage.gaussian_laplace(image[..., c], sigma)).sum() for c in range(3)])
-    factors = np.maximum(factors / factors.max(), 1e-6)
+    bend = ndimage.gaussian_laplace(parts(np.maximum(image, 0.0) / light)[0], sigma)
     surface = ndimage.gaussian_filter(image - found[..., None] * light, (2 * sigma, 2 * sigma, 0))
-    cosine = (surface @ factors) / np.linalg.norm(factors) / (np.linalg.norm(surface, axis=2) + 1e-300)
-    energy = weight * bend
+    cosine = (surface @ lees) / np.linalg.norm(lees) / (np.linalg.norm(surface, axis=2) + 1e-300)
+    energy = ndimage.gaussian_filter(found / found.max(), sigma) * bend**2
     sine = np.sqrt((energy * (1 - np.clip(cosine, 0, 1) ** 2)).sum() / energy.sum())
     trust = saliency**2 / (saliency**2 + TRUSTED**2)
     trust *= float(ev.ramp(np.degrees(np.arcsin(np.clip(sine, 0, 1))), *OWN_COLOUR))
-    trust *= 1 - float(ev.ramp(degrees_between(factors, light), *FAR))
-    light = np.exp(trust * np.log(factors / factors[1]) + (1 - trust) * np.log(light / light[1]))
-    return light / light.max()
+    trust *= 1 - float(ev.ramp(degrees_between(lees, light), *FAR))
+    return _between(light, lees, trust)
+
+
+def _lees_factors(image: Array, usable: Mask, light: Array) -> tuple[Array, float, Array]:
+    """Lee's factors (3,) over the highlights found under a light; their mean square, peak 1; the highlights (H, W)."""
+    lit = np.maximum(image, 0.0) / light
+    seen = ev.gather(lit, usable, ev.FINE)
+    found = np.where(usable, ev.whole(seen, lit), 0.0)
+    sigma = SMOOTH * max(usable.shape) / 400
+    weight = ndimage.gaussian_filter(found / max(float(found.max()), 1e-300), sigma)
+    weight *= ndimage.gaussian_laplace(parts(lit)[0], sigma)
+    factors = np.array([(weight * ndimage.gaussian_laplace(image[..., c], sigma)).sum() for c in range(3)])
+    largest = float(factors.max())
+    return np.maximum(factors / largest, 1e-6) if largest > 0 else light, float((found**2).mean()) / seen.peak**2, found
+
+
+def _converges(image: Array, found: Array, estimated: Array, light: Array, apart: float) -> float:
+    """Share 0..1 of the way from the light estimated to that brought back towards white, by the colour of what was
+    found under the latter (Lee's convergence of chromaticities).
+
+    A highlight leads from the surface's colour towards the light's. Where what was found does not lead towards white,
+    the surface is grey and the light tinted; where it has the colour estimated, but not the surface's, so has the light.
+    """
+    surface = mean_colour(image)
+    way = np.log(surface / surface[1]) - np.log(light / light[1])
+    gone = np.log(surface / surface[1]) - np.log(found / found[1])
+    towards = float(ev.ramp(float(gone @ way) / max(float(way @ way), 1e-12), *LEADS))
+    stays = (1 - towards) * float(ev.ramp(apart, *APART))
+    same = float(ev.ramp(degrees_between(found, surface), *OWN_COLOUR))
+    same *= 1 - float(ev.ramp(degrees_between(found, estimated), *AGREES))
+    return 1 - max(stays, same)
+
+
+def _between(one: Array, other: Array, share: float) -> Array:
+    """A colour, largest channel 1, the given share of the way from one to the other."""
+    out = np.exp(share * np.log(other / other[1]) + (1 - share) * np.log(one / one[1]))
+    return np.asarray(out / out.max())
 
 
 def _large(burnt: Mask) -> Mask:

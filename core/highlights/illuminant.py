@@ -26,11 +26,15 @@ BRIGHTEST = 0.003  # share of the pixels that small bright things are
 BUMP = 0.03  # of the longer side: half the size of a small bright thing
 
 
-def estimate(image: Array, usable: Mask) -> Array:
-    """Colour of the light (3,), largest channel 1, of an image (H, W, 3); pixels not `usable` (H, W) are left out."""
+def estimate(image: Array, usable: Mask) -> tuple[Array, Array]:
+    """Colour of the light (3,), largest channel 1, of an image (H, W, 3); pixels not `usable` (H, W) are left out.
+
+    Returns two: what planes, small bright things and prior say; and the same where it may be the surface's colour as
+    well, brought back towards white.
+    """
     peak = float(np.percentile(image.max(axis=2), 99.9))
     if peak <= 0:
-        return np.ones(3)
+        return np.ones(3), np.ones(3)
     image = np.where(usable[..., None], np.maximum(image, 0.0), 0.0) / peak
     steps = np.linspace(-1, 1, SIDE)
     red, blue = (x.ravel() for x in np.meshgrid(steps, steps))
@@ -46,7 +50,7 @@ def estimate(image: Array, usable: Mask) -> Array:
         if len(normals):
             cost = cost + _missed(directions, normals, weight)
     light = candidates[int(np.argmin(cost))]
-    return _less_ambiguous(image, light)
+    return light / light.max(), _less_ambiguous(image, light)
 
 
 def small_bright_colours(image: Array) -> tuple[Array, Array]:
@@ -125,9 +129,14 @@ def degrees_between(a: Array, b: Array) -> float:
     return float(np.degrees(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b)))
 
 
+def mean_colour(image: Array) -> Array:
+    """Mean colour (3,) of an image (H, W, 3), bright pixels counting more."""
+    return np.asarray((image * image.sum(axis=2)[..., None]).reshape(-1, 3).sum(axis=0))
+
+
 def _less_ambiguous(image: Array, light: Array) -> Array:
     """Bring a strongly tinted light that looks like the whole photo back towards white: one material is likelier."""
-    mean = (image * image.sum(axis=2)[..., None]).reshape(-1, 3).sum(axis=0)
+    mean = mean_colour(image)
     alike = 1 - _ramp(degrees_between(light, mean), *AMBIGUOUS)
     tinted = _ramp(degrees_between(light, np.ones(3)), *STRONG)
     light = np.exp((1 - alike * tinted) * np.log(light / light[1]))
