@@ -11,12 +11,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .light_covariance import covariance
 from .light_problem import (
     WIDEST_PROBE,
     Problem,
     State,
     cost,
-    covariance,
     expected_residual,
     normal_equations,
     score,

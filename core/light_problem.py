@@ -11,7 +11,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from .lights import farthest_apart, moved, reach_of, shading, shading_gradient
 from .types import AreaLight, Array, Light, PointLight, Samples, SunLight, Visible
@@ -31,7 +30,6 @@ WIDEST_PROBE = 5.0  # times that: as far as a shadow is looked for from where it
 _NO_STRENGTH = 1e-300  # of a surface that the light does not reach
 _SMALLEST_SPREAD = 1e-4  # of the median brightness
 _SPREAD_ROUNDS = 30  # of the fixed point that the likeliest spread is
-_CELLS = 12  # of the photo's longer side: the patches in which a model is wrong in one way
 _LOSS_SCALE = 1.5  # of the expected residual: beyond it a residual counts by its size, not its square
 
 
@@ -211,34 +209,6 @@ def normal_equations(problem: Problem, state: State, expected: Array) -> tuple[A
     """Compute the Gauss-Newton matrix and the gradient of half the summed loss by (light, log c, around)."""
     jacobian, weight = model_jacobian(problem, state), _loss_weight(problem, state, expected)
     return jacobian.T @ (weight[:, None] * jacobian), -jacobian.T @ (weight * state.residual(problem))
-
-
-def covariance(problem: Problem, state: State, expected: Array) -> Array:
-    """Estimate the covariance of (light, log c, around) at a minimum, (P + S + K, P + S + K).
-
-    Two estimates: one takes residuals to be as large as expected and independent; the other sums what they are over
-    patches of the photo, since what a model has wrong is wrong in the same way all over a patch (the sandwich of
-    Huber 1967, by cluster). Each unknown gets the larger of its two deviations.
-    """
-    jacobian, weight = model_jacobian(problem, state), _loss_weight(problem, state, expected)
-    inverse = np.linalg.pinv(jacobian.T @ (weight[:, None] * jacobian), hermitian=True)
-    scaled = jacobian * (weight * expected)[:, None]
-    alone = inverse @ (scaled.T @ scaled) @ inverse
-    patch = patches(problem.samples)
-    pull = np.zeros((patch.max() + 1, jacobian.shape[1]))
-    np.add.at(pull, patch, jacobian * (weight * state.residual(problem))[:, None])
-    together = inverse @ (pull.T @ pull) @ inverse * len(pull) / max(len(pull) - 1, 1)
-    ratio = np.diag(together) / np.maximum(np.diag(alone), 1e-300)
-    grow = np.sqrt(np.maximum(ratio, 1.0))
-    return grow[:, None] * alone * grow
-
-
-def patches(samples: Samples) -> NDArray[np.intp]:
-    """Which patch each sample belongs to, (N,): the cells of a grid over the photo, cut where surfaces meet."""
-    low, high = samples.pixel.min(axis=0), samples.pixel.max(axis=0)
-    cell = (_CELLS * (samples.pixel - low) / (high - low + 1).max()).astype(np.intp)
-    key = (samples.surface * _CELLS + cell[:, 0]) * _CELLS + cell[:, 1]
-    return np.unique(key, return_inverse=True)[1]
 
 
 def _loss_weight(problem: Problem, state: State, expected: Array) -> Array:

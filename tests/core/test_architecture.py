@@ -29,6 +29,7 @@ STAGES = (
     ),
     ("preview",),
     ("light_problem",),
+    ("light_covariance",),
     ("cues",),
     ("hints",),
     ("starts",),

@@ -6,14 +6,13 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from core.light_covariance import CELLS, covariance, patches
 from core.light_fit import fit_light
 from core.light_problem import (
     Problem,
     brightness,
-    covariance,
     expected_residual,
     model_jacobian,
-    patches,
     weighted_quantile,
 )
 from core.lights import moved, reach_of, shading
@@ -150,7 +149,7 @@ def test_an_error_that_is_the_same_all_over_a_patch_widens_the_deviations(ball):
     """Errors of the same size: drawn anew for each sample, or one for all samples of a patch."""
     true = ball.light()
     problem = unshadowed(ball, true, with_ambient=False)
-    patch, level = patches(problem.samples), 0.01 * problem.brightness.mean()
+    patch, level = patches(problem.samples, CELLS[0]), 0.01 * problem.brightness.mean()
 
     def deviations(error):
         wrong = replace(problem, brightness=problem.brightness + level * error)

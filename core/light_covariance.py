@@ -1,0 +1,103 @@
+"""How far a fitted light may be off: the covariance of all that its fit made out.
+
+Three things make a light err, and none of them is the noise of independent pixels alone:
+
+- What a model has wrong is wrong in the same way all over a patch of the photo, be the patch small or as large as a
+  surface. Residuals' pull on the unknowns is summed over patches of several sizes and over surfaces (the sandwich of
+  Huber 1967, by cluster: Liang & Zeger 1986), and each unknown gets the largest deviation.
+- Slopes of the visible fraction are differences of few shadow rays. Their noise adds to J' J as if it were knowledge,
+  most where there is least. Slopes are made twice, with different rays; only products of one with the other count.
+- The fit itself met noise of its rays. How far it would go on if it were given others is part of how far it is off.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .light_problem import Problem, State, _loss_weight, model_jacobian
+from .samples import subset
+from .types import Array, Samples
+
+RAYS = 64  # a sample, of slopes and of the residual that is compared with the fit's
+CELLS = (12, 6, 4, 3)  # of the photo's longer side: patches from small to large
+_TURNS = (1 / 3, 2 / 3)  # of the samples' order: another's points on the light are other rays
+_LEAST_REAL = 0.02  # of the information in a direction; what is found to be less cannot be told from the rays' noise
+_STEP_COUNTS = 0.6  # of a step that other rays would take: they err too, and patches hold a part of it already
+
+
+def covariance(problem: Problem, state: State, expected: Array) -> Array:
+    """Estimate the covariance of (light, log c, around) at a minimum, (P + S + K, P + S + K).
+
+    expected : (N,) deviation of each residual as the fit weighed it
+    """
+    weight = _loss_weight(problem, state, expected)
+    slopes, others = _independent(problem, state)
+    usual = slopes.mean(axis=0)
+    inverse = np.linalg.pinv(information(slopes, weight), rcond=1e-14, hermitian=True)
+    scaled = usual * (weight * expected)[:, None]
+    alone = inverse @ (scaled.T @ scaled) @ inverse
+    influence = usual * (weight * state.residual(problem))[:, None] @ inverse  # (N, P): what each sample moves
+    kinds = [patches(problem.samples, cells) for cells in CELLS] + [problem.samples.surface.astype(np.intp)]
+    variance = np.max([np.diag(alone), *(_clustered(influence, kind) for kind in kinds)], axis=0)
+    # The slopes of one set of rays, the residual of the other: both together would pull by what they share.
+    pull = 0.5 * (slopes[0].T @ (weight * others[1]) + slopes[1].T @ (weight * others[0]))
+    variance = variance + (_STEP_COUNTS * inverse @ pull) ** 2
+    grow = np.sqrt(variance / np.maximum(np.diag(alone), 1e-300))
+    return grow[:, None] * alone * grow
+
+
+def information(slopes: Array, weight: Array) -> Array:
+    """Compute J' W J (P, P) from slopes (2, N, P) of different rays, without what their noise adds to it.
+
+    first' W second has that expectation, but in a direction of which little is known it may come out as less than
+    nothing: there, and wherever it is less than a fiftieth, a fiftieth of the information of both counts.
+    """
+    both = slopes.mean(axis=0)
+    usual = both.T @ (weight[:, None] * both)
+    crossed = slopes[0].T @ (weight[:, None] * slopes[1])
+    size = np.sqrt(np.maximum(np.diag(usual), 1e-300))
+    value, way = np.linalg.eigh(usual / np.outer(size, size))
+    there = value > 1e-10 * value[-1]
+    back = way[:, there] / np.sqrt(value[there])
+    real, turn = np.linalg.eigh(back.T @ (0.5 * (crossed + crossed.T) / np.outer(size, size)) @ back)
+    root = size[:, None] * (way[:, there] * np.sqrt(value[there])) @ turn
+    return (root * np.clip(real, _LEAST_REAL, 1.0)) @ root.T
+
+
+def patches(samples: Samples, cells: int) -> NDArray[np.intp]:
+    """Which patch each sample belongs to, (N,): the cells of a grid over the photo, cut where surfaces meet."""
+    low, high = samples.pixel.min(axis=0), samples.pixel.max(axis=0)
+    cell = (cells * (samples.pixel - low) / (high - low + 1).max()).astype(np.intp)
+    key = (samples.surface * cells + cell[:, 0]) * cells + cell[:, 1]
+    return np.unique(key, return_inverse=True)[1]
+
+
+def _clustered(influence: Array, kind: NDArray[np.intp]) -> Array:
+    """Variance (P,) of the sum of influences (N, P) that belong together by `kind` (N,)."""
+    total = np.zeros((kind.max() + 1, influence.shape[1]))
+    np.add.at(total, kind, influence)
+    count = len(np.unique(kind))
+    return (total**2).sum(axis=0) * count / max(count - 1, 1)
+
+
+def _independent(problem: Problem, state: State) -> tuple[Array, Array]:
+    """Two sets of slopes (2, N, P) and residuals (2, N), each with rays of its own, none of them the fit's."""
+    if problem.visible is None:
+        return np.stack([model_jacobian(problem, state)] * 2), np.stack([state.residual(problem)] * 2)
+    slopes, residuals = [], []
+    for share in _TURNS:
+        order = np.roll(np.arange(len(problem.samples)), int(share * len(problem.samples)))
+        other = replace(
+            problem,
+            samples=subset(problem.samples, order),
+            brightness=problem.brightness[order],
+            around=problem.around[order],
+            rays=RAYS,
+        )
+        there = other.state(state.light, state.log_c, state.around, 1.0)
+        slope, residual = model_jacobian(other, there), there.residual(other)
+        back = np.argsort(order)
+        slopes.append(slope[back])
+        residuals.append(residual[back])
+    return np.stack(slopes), np.stack(residuals)

@@ -1,0 +1,74 @@
+"""Deviations of a fitted light: no more is known for the noise of the rays that the slopes were made with."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from core.light_covariance import information, patches
+from core.light_fit import fit_light
+from core.light_problem import Problem, brightness
+from core.lights import reach_of
+from core.progress import drain
+from core.samples import choose_samples, extent_of
+from core.uncertainty import INTERVAL, uncertainty_of
+
+
+def test_noise_of_the_slopes_is_no_information():
+    rng = np.random.default_rng(0)
+    true = rng.normal(size=(4000, 4)) * [1.0, 0.5, 2.0, 1.0]
+    weight = rng.uniform(0.5, 2.0, 4000)
+    slopes = true + 1.5 * rng.normal(size=(2, *true.shape))
+    wanted = true.T @ (weight[:, None] * true)
+    np.testing.assert_allclose(information(slopes, weight), wanted, atol=0.1 * wanted.max())
+    usual = slopes[0].T @ (weight[:, None] * slopes[0])
+    assert (np.diag(usual) > 1.4 * np.diag(wanted)).all()
+
+
+def test_slopes_without_noise_keep_all_of_it():
+    slopes = np.random.default_rng(1).normal(size=(300, 5)) * np.geomspace(1e-3, 1e3, 5)
+    both = np.stack([slopes, slopes])
+    np.testing.assert_allclose(information(both, np.ones(300)), slopes.T @ slopes, rtol=1e-8, atol=1e-9)
+
+
+def test_where_slopes_are_all_noise_a_little_is_left():
+    slopes = np.random.default_rng(2).normal(size=(2, 500, 3))
+    value = np.linalg.eigvalsh(information(slopes, np.ones(500)))
+    assert (value > 0).all() and (value < 0.2 * 500).all()
+
+
+def test_what_nothing_shows_is_not_known():
+    slopes = np.random.default_rng(3).normal(size=(300, 3)) * [1.0, 0.0, 1.0]
+    found = information(np.stack([slopes, slopes]), np.ones(300))
+    assert not found[1].any() and not found[:, 1].any()
+
+
+@pytest.mark.parametrize("cells", [3, 12])
+def test_patches_hold_one_surface_and_no_more_than_a_cell(ball, cells):
+    samples = choose_samples(ball.photo(ball.light()), ball.camera, ball.buffers, 400)
+    patch = patches(samples, cells)
+    for one in range(patch.max() + 1):
+        inside = patch == one
+        assert len(np.unique(samples.surface[inside])) == 1
+        reach = np.ptp(samples.pixel[inside], axis=0)
+        assert (reach <= np.ceil(np.ptp(samples.pixel, axis=0).max() / cells) + 1).all()
+
+
+def test_intervals_hold_the_truth_where_the_fit_had_few_shadow_rays(ball):
+    """Eight rays a sample err by a tenth of the light in a penumbra, ten times the photo's noise."""
+    true = ball.light()
+    clean, held = ball.photo(true), []
+    for seed in range(6):
+        noisy = replace(clean, linear=clean.linear * (1 + 0.01 * np.random.default_rng(seed).normal(size=(96, 128, 3))))
+        samples = choose_samples(noisy, ball.camera, ball.buffers, 500 + 20 * seed)
+        middle, extent = extent_of(samples)
+        nothing = np.zeros((len(samples), 0))
+        problem = Problem(samples, brightness(samples), ball.visible, 8, 60 * extent, middle, lambda _: True, nothing)
+        fit = drain(fit_light(problem, true, iterations=6))
+        reach = reach_of(fit.light, middle)
+        sure = uncertainty_of(fit, reach)
+        held.append(np.linalg.norm(fit.light.centre - true.centre) <= INTERVAL * sure.centre)
+        held.append(np.arccos(min(fit.light.normal @ true.normal, 1.0)) <= INTERVAL * sure.normal)
+        sizes = np.log(fit.light.size / true.size)
+        held += list(np.abs(sizes) <= INTERVAL * sure.log_size)
+    assert np.mean(held) >= 0.75
