@@ -107,8 +107,11 @@ def table(folder: Path) -> None:
 
 
 def leave_one_out(folder: Path) -> None:
-    """Choose among all settings on all pairs but one, by mean gain, and print the gain on that one."""
-    every = list(pairs(folder))
+    """Choose among all settings on all pairs but one, by mean gain, and print the gain on that one.
+
+    At half the size: settings are shares of the photo, and there are many.
+    """
+    every = [_halved(pair) for pair in pairs(folder)]
     choices = list(itertools.product(*SETTINGS.values()))
     gains = np.empty((len(every), len(choices)))
     for row, pair in enumerate(every):
@@ -133,18 +136,21 @@ def hard(folder: Path) -> None:
     """Print `auto`'s gains on the shiny pairs as they are, under a tinted light, clipped, and both.
 
     Clipped: the ceiling is the level that 40 % of the highlights' pixels exceed, but no less than the diffuse part's
-    peak, which would otherwise be lost by definition.
+    peak, which would otherwise be lost by definition. A clipped photo holds less highlight, so doing nothing is better
+    there, and the gain smaller with the same result: beside it stand the gain that the untouched photo's own result
+    would have, and how much further than that one the clipped photo's is from the truth.
     """
     print("Gain over doing nothing / the same in highlights, dB\n")
     print(
-        "| photo | untouched | tinted | clipped | both | clipped share of the highlights |\n|---|---|---|---|---|---|"
+        "| photo | untouched | tinted | clipped | both | clipped share of the highlights "
+        "| the untouched photo's result, scored as clipped | PSNR lost by clipping |\n|---|---|---|---|---|---|---|---|"
     )
     for pair in pairs(folder):
         if np.isnan(score(pair, pair.image).inside):
             continue
         peak = np.percentile(pair.image.max(axis=2)[pair.mask], 99.9)
         shines = ((pair.image - pair.diffuse).mean(axis=2) > 0.04 * peak) & pair.mask
-        cells, share = [], 0.0
+        cells, share, results = [], 0.0, []
         for tint, clipped in ((np.ones(3), False), (TINT, False), (np.ones(3), True), (TINT, True)):
             image, diffuse = pair.image * tint, pair.diffuse * tint
             if clipped:
@@ -154,7 +160,20 @@ def hard(folder: Path) -> None:
             found = drain(split(Photo(image, np.zeros(pair.mask.shape, dtype=bool))))
             got = score(Pair(pair.name, image, diffuse, pair.mask), found.diffuse)
             cells.append(f"{got.gain:+.1f} / {got.inside:+.1f}")
-        print(f"| {pair.name} | " + " | ".join(cells) + f" | {100 * share:.0f} % |", flush=True)
+            results.append(found.diffuse)
+            if clipped and len(results) == 3:
+                same = score(Pair(pair.name, image, diffuse, pair.mask), results[0])
+                cells.append(f"{same.gain:+.1f}")
+                cells.append(f"{same.psnr - got.psnr:+.1f}")
+        last = " | ".join([cells[0], cells[1], cells[2], cells[5], f"{100 * share:.0f} %", cells[3], cells[4]])
+        print(f"| {pair.name} | {last} |", flush=True)
+
+
+def _halved(pair: Pair) -> Pair:
+    height, width = (n // 2 * 2 for n in pair.mask.shape)
+    corners = [(slice(i, height, 2), slice(j, width, 2)) for i in (0, 1) for j in (0, 1)]
+    image, diffuse = (sum(x[at] for at in corners) / 4 for x in (pair.image, pair.diffuse))
+    return Pair(pair.name, image, diffuse, np.all([pair.mask[at] for at in corners], axis=0))
 
 
 def _gathered(lit: Array) -> evidence.Evidence:

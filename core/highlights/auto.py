@@ -150,7 +150,8 @@ def _converges(image: Array, found: Array, estimated: Array, light: Array, apart
     found under the latter (Lee's convergence of chromaticities).
 
     A highlight leads from the surface's colour towards the light's. Where what was found does not lead towards white,
-    the surface is grey and the light tinted; where it has the colour estimated, but not the surface's, so has the light.
+    the surface is grey and the light tinted; where it has the colour estimated, and not the surface's, so has the
+    light.
     """
     surface = mean_colour(image)
     way = np.log(surface / surface[1]) - np.log(light / light[1])

@@ -179,3 +179,23 @@ def test_it_can_be_cancelled_between_any_two_steps() -> None:
     steps = split(Photo(balls(COLOURS).image, np.zeros((104, 392), bool)))
     next(steps)
     steps.close()
+
+
+@pytest.mark.parametrize(
+    ("surface", "found", "believed"),
+    [
+        ((1.5, 1.0, 0.6), (1.2, 1.0, 0.8), 0.0),  # what brightens leads to white: a brown thing under white light
+        ((1.5, 1.0, 0.6), (1.5, 1.0, 0.6), 1.0),  # it does not: a grey thing under brown light
+        ((1.5, 1.0, 0.6), (1.8, 1.0, 0.5), 1.0),
+        ((0.6, 1.0, 0.4), (1.4, 1.0, 0.65), 1.0),  # it has the tint that was estimated, and the surface has not
+    ],
+)
+def test_a_tint_is_believed_where_what_brightens_does_not_lead_to_white(surface, found, believed) -> None:
+    image, tinted, white = np.ones((4, 4, 3)) * surface, np.array([1.4, 1.0, 0.65]), np.ones(3)
+    share = auto._converges(image, np.array(found), tinted, white, 15.0)
+    assert 1 - share == pytest.approx(believed, abs=0.01)
+
+
+def test_two_estimates_that_hardly_differ_stay_near_white() -> None:
+    image = np.ones((4, 4, 3)) * (1.5, 1.0, 0.6)
+    assert auto._converges(image, image[0, 0], np.array([1.1, 1.0, 0.95]), np.ones(3), 3.0) == 1.0

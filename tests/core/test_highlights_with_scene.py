@@ -220,7 +220,7 @@ def test_a_surface_of_little_evidence_learns_the_lights_strength_from_the_others
     seen.surface[:] = small.ravel()
     _, _, _, (_, albedo) = textures(np.random.default_rng(3))
     # The light is taken for six times as strong as it is: levels come out much lower, the small one's too.
-    diffuse, photo = photo_of(seen, albedo, shine(seen, 0.6, 0.3))
+    _, photo = photo_of(seen, albedo, shine(seen, 0.6, 0.3))
     stronger = replace(LIGHT, radiance=6 * LIGHT.radiance)
     found = drain(split_with_scene(photo, seen, [stronger], 6 * AMBIENT))
     assert found.gloss[1].specular == pytest.approx(found.gloss[0].specular, rel=0.4)
