@@ -16,14 +16,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .light_problem import Problem, State, _loss_weight, model_jacobian
+from .lights import coordinates
 from .samples import subset
-from .types import Array, Samples
+from .types import AreaLight, Array, PointLight, Samples, SunLight
 
 RAYS = 64  # a sample, of slopes and of the residual that is compared with the fit's
 CELLS = (12, 6, 4, 3)  # of the photo's longer side: patches from small to large
 _TURNS = (1 / 3, 2 / 3)  # of the samples' order: another's points on the light are other rays
 _LEAST_REAL = 0.02  # of the information in a direction; what is found to be less cannot be told from the rays' noise
 _STEP_COUNTS = 0.6  # of a step that other rays would take: they err too, and patches hold a part of it already
+# What is known of any light before there is a photo, deviations in the coordinates of `lights.moved`: it is about as
+# far away as it seems, does not shine backwards, and its sides are no more than an order of magnitude off.
+_MOST = {
+    AreaLight: np.array([1.0] * 6 + [1.5] * 2),
+    PointLight: np.array([1.0] * 3 + [1.5]),
+    SunLight: np.array([1.0] * 2 + [1.5]),
+}
+_MOST_STRENGTH = 3.0  # of a logarithm
 
 
 def covariance(problem: Problem, state: State, expected: Array) -> Array:
@@ -43,6 +52,8 @@ def covariance(problem: Problem, state: State, expected: Array) -> Array:
     # The slopes of one set of rays, the residual of the other: both together would pull by what they share.
     pull = 0.5 * (slopes[0].T @ (weight * others[1]) + slopes[1].T @ (weight * others[0]))
     variance = variance + (_STEP_COUNTS * inverse @ pull) ** 2
+    most = np.concatenate([_MOST[type(state.light)], np.full(len(variance) - coordinates(state.light), _MOST_STRENGTH)])
+    variance = 1 / (1 / np.maximum(variance, 1e-300) + 1 / most**2)
     grow = np.sqrt(variance / np.maximum(np.diag(alone), 1e-300))
     return grow[:, None] * alone * grow
 

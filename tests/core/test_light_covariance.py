@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from core.light_covariance import information, patches
+from core.light_covariance import covariance, information, patches
 from core.light_fit import fit_light
 from core.light_problem import Problem, brightness
 from core.lights import reach_of
@@ -52,6 +52,19 @@ def test_patches_hold_one_surface_and_no_more_than_a_cell(ball, cells):
         assert len(np.unique(samples.surface[inside])) == 1
         reach = np.ptp(samples.pixel[inside], axis=0)
         assert (reach <= np.ceil(np.ptp(samples.pixel, axis=0).max() / cells) + 1).all()
+
+
+def test_a_photo_that_shows_nothing_leaves_what_is_known_of_any_light(ball):
+    """Every sample black but for noise: no deviation is without limit."""
+    true = ball.light()
+    photo = ball.photo(true)
+    samples = choose_samples(photo, ball.camera, ball.buffers, 300)
+    middle, extent = extent_of(samples)
+    y = np.random.default_rng(0).normal(size=len(samples))
+    problem = Problem(samples, y, None, 1, 60 * extent, middle, lambda _: True, np.zeros((len(samples), 0)))
+    state = problem.state(true, np.full(2, -20.0), np.zeros(0), 1.0)
+    deviation = np.sqrt(np.diag(covariance(problem, state, np.ones(len(samples)))))
+    assert (deviation[:6] < 1.0001).all() and (deviation[6:8] < 1.5001).all() and (deviation[:8] > 0.5).any()
 
 
 def test_intervals_hold_the_truth_where_the_fit_had_few_shadow_rays(ball):
