@@ -12,6 +12,7 @@ from .operators import (
     RESHADE_OT_estimate_light,
     RESHADE_OT_import_fspy,
     RESHADE_OT_import_photo,
+    RESHADE_OT_paint_colours,
     RESHADE_OT_preview,
     RESHADE_OT_project_photo,
     RESHADE_OT_reshade,
@@ -138,9 +139,11 @@ class RESHADE_PT_edit(_Step, bpy.types.Panel):
                 row.prop(obj.data, "energy", text="")
                 row.prop(obj.data, "color", text="")
         layout.operator(RESHADE_OT_preview.bl_idname, icon="HIDE_OFF")
-        row = layout.row(align=True)
-        row.prop(context.scene.reshade, "painting", text="")
+        column = layout.column(align=True)
+        column.prop(context.scene.reshade, "painting", text="")
+        row = column.row(align=True)
         row.operator(RESHADE_OT_solve_painting.bl_idname, icon="BRUSH_DATA")
+        row.operator(RESHADE_OT_paint_colours.bl_idname, icon="COLOR")
         _text(layout, context, "Move, dim or turn the light, recolour a material, add objects.", "NONE")
 
 

@@ -1,4 +1,4 @@
-"""Painting on the photo says how strong the lights shall be."""
+"""Painting on the photo says how strong the lights shall be, or what colour its surfaces."""
 
 import bpy
 import numpy as np
@@ -48,6 +48,26 @@ def test_an_untouched_copy_says_nothing(explained, load):
     scene.reshade.painting = painting(load, picture)
     with pytest.raises(RuntimeError, match="painting is the photo"):
         bpy.ops.reshade.solve_painting()
+
+
+def test_a_stroke_on_the_box_recolours_the_box_alone(explained, load):
+    scene, picture = explained
+    preview = (
+        load("core.progress")
+        .drain(load("reshade_addon.previewing").begin(scene, load("core.types").Photo(picture, picture[..., 0] > 9)))
+        .preview
+    )
+    box = preview.surface == preview.samples.names.index("Box")
+    row, column = (int(np.median(index)) for index in np.nonzero(box & (picture.mean(axis=2) > 0.02)))
+    stroke = np.zeros_like(box)
+    stroke[row - 8 : row + 8, column - 8 : column + 8] = True
+    factor = np.array([2.0, 1.0, 0.5])
+    scene.reshade.painting = painting(load, np.where((box & stroke)[..., None], picture * factor, picture))
+    assert bpy.ops.reshade.paint_colours() == {"FINISHED"}
+    found = {name: load("reshade_addon.scene_write").colour_socket(bpy.data.materials[name]) for name in ALBEDO}
+    np.testing.assert_allclose(found["Box"].default_value[:3], np.array(ALBEDO["Box"]) * factor, rtol=0.08)
+    for name in ("Floor", "Ball"):
+        np.testing.assert_allclose(found[name].default_value[:3], ALBEDO[name], rtol=1e-6)
 
 
 def test_the_command_writes_the_scene(explained, load, tmp_path):
