@@ -23,6 +23,7 @@ FAR = (6.0, 12.0)  # degrees from the first estimate: above the second, what was
 SAME = 0.5  # degrees between two lights that need no telling apart
 LEADS = (0.04, 0.1)  # share of the way from the surface's colour to the light's that a highlight's leads, at least
 APART = (4.0, 8.0)  # degrees between two estimates: under the first, they differ by no more than they err
+NO_LIGHT = (17.0, 22.0)  # degrees off white: what is tinted more is a surface, in a photo balanced however roughly
 AGREES = (2.0, 5.0)  # degrees between an estimate and what was found: over the second, they are different colours
 ACCEPTED = 0.2  # share of the smallest channel that must be specular for a clipped pixel to be rebuilt
 BURNT = 0.02  # of the peak: what was found round a burnt-out spot reaches out to here
@@ -158,6 +159,7 @@ def _converges(image: Array, found: Array, estimated: Array, light: Array, apart
     gone = np.log(surface / surface[1]) - np.log(found / found[1])
     towards = float(ev.ramp(float(gone @ way) / max(float(way @ way), 1e-12), *LEADS))
     stays = (1 - towards) * float(ev.ramp(apart, *APART))
+    stays *= 1 - float(ev.ramp(degrees_between(estimated, np.ones(3)), *NO_LIGHT))
     same = float(ev.ramp(degrees_between(found, surface), *OWN_COLOUR))
     same *= 1 - float(ev.ramp(degrees_between(found, estimated), *AGREES))
     return 1 - max(stays, same)

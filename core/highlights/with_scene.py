@@ -10,14 +10,16 @@ from collections.abc import Generator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import ndimage
 
 from ..lights import strength_of
 from ..types import Array, Light, Mask, Photo, Progress
 from .clipping import clipped_channels, continued
 from .fragments import Fragments, coat_light, diffuse_light
-from .gloss_fit import SurfaceGloss, fit_gloss
+from .gloss_fit import DIM, SurfaceGloss, fit_gloss
 from .products import SEEN, Split
 
+BORDER = 3  # pixels round what was clipped that must show the albedo it is continued from
 PLENTY = 150  # pixels of a surface; with fewer inside it, those beside its outline are looked at too
 
 
@@ -66,13 +68,15 @@ def split_with_scene(
         yield Progress(1.0, "Rebuilding what was clipped")
         white = np.zeros((height * width, 3))
         np.add.at(white, seen.pixel, seen.share[:, None] * diffuse_light(seen, slice(None), lights, ambient))
-        white = np.maximum(white.reshape(height, width, 3), 1e-6 * float(white.max()))
-        diffuse[hole] = (continued(diffuse / white, hole) * white)[hole]
+        white = white.reshape(height, width, 3)
+        # Where little of the known light arrives, other light shows, and what is left over is no albedo.
+        dim = DIM * np.percentile(white[label.reshape(height, width) >= 0], 90, axis=0)
+        unknown = (white < dim).any(axis=2) & ndimage.binary_dilation(hole, iterations=BORDER)
+        white = np.maximum(white, np.maximum(dim, 1e-300))
+        diffuse[hole] = (continued(diffuse / white, hole | unknown) * white)[hole]
     return SceneSplit(Split(diffuse, specular, colour / max(float(colour.max()), 1e-300)), glosses)
 
 
 def _eroded(mask: Mask) -> Mask:
     """A mask without the pixels beside others."""
-    padded = np.pad(mask, 1, mode="edge")
-    height, width = mask.shape
-    return np.all([padded[i : i + height, j : j + width] for i in range(3) for j in range(3)], axis=0)
+    return np.asarray(ndimage.binary_erosion(mask, np.ones((3, 3)), border_value=1))
