@@ -24,7 +24,7 @@ RAYS = 64  # a sample, of slopes and of the residual that is compared with the f
 CELLS = (12, 6, 4, 3)  # of the photo's longer side: patches from small to large
 _TURNS = (1 / 3, 2 / 3)  # of the samples' order: another's points on the light are other rays
 _LEAST_REAL = 0.02  # of the information in a direction; what is found to be less cannot be told from the rays' noise
-_STEP_COUNTS = 0.6  # of a step that other rays would take: they err too, and patches hold a part of it already
+_STEP_COUNTS = 0.45  # of a step that other rays would take: they err too, and patches hold a part of it already
 # What is known of any light before there is a photo, deviations in the coordinates of `lights.moved`: it is about as
 # far away as it seems, does not shine backwards, and its sides are no more than an order of magnitude off.
 _MOST = {
@@ -43,19 +43,33 @@ def covariance(problem: Problem, state: State, expected: Array) -> Array:
     weight = _loss_weight(problem, state, expected)
     slopes, others = _independent(problem, state)
     usual = slopes.mean(axis=0)
-    inverse = np.linalg.pinv(information(slopes, weight), rcond=1e-14, hermitian=True)
-    scaled = usual * (weight * expected)[:, None]
-    alone = inverse @ (scaled.T @ scaled) @ inverse
+    to_power, back = _powers(state)
+    inverse = np.linalg.pinv(information(slopes, weight), rcond=1e-14, hermitian=True) @ to_power.T
+    scaled = usual * (weight * expected)[:, None] @ inverse
+    alone = scaled.T @ scaled
     influence = usual * (weight * state.residual(problem))[:, None] @ inverse  # (N, P): what each sample moves
     kinds = [patches(problem.samples, cells) for cells in CELLS] + [problem.samples.surface.astype(np.intp)]
     variance = np.max([np.diag(alone), *(_clustered(influence, kind) for kind in kinds)], axis=0)
     # The slopes of one set of rays, the residual of the other: both together would pull by what they share.
     pull = 0.5 * (slopes[0].T @ (weight * others[1]) + slopes[1].T @ (weight * others[0]))
-    variance = variance + (_STEP_COUNTS * inverse @ pull) ** 2
+    variance = variance + (_STEP_COUNTS * pull @ inverse) ** 2
     most = np.concatenate([_MOST[type(state.light)], np.full(len(variance) - coordinates(state.light), _MOST_STRENGTH)])
     variance = 1 / (1 / np.maximum(variance, 1e-300) + 1 / most**2)
     grow = np.sqrt(variance / np.maximum(np.diag(alone), 1e-300))
-    return grow[:, None] * alone * grow
+    return back @ (grow[:, None] * alone * grow) @ back.T
+
+
+def _powers(state: State) -> tuple[Array, Array]:
+    """The square matrix that takes log c, radiance times albedo, to log power times albedo, and its inverse.
+
+    Sides trade off against radiance and hardly against power: only of power can the deviation grow by itself.
+    """
+    size, surfaces = coordinates(state.light), len(state.log_c)
+    change = np.zeros((size + surfaces + len(state.around),) * 2)
+    if isinstance(state.light, AreaLight):
+        change[size : size + surfaces, 6:8] = 1.0
+    unchanged = np.eye(len(change))
+    return unchanged + change, unchanged - change
 
 
 def information(slopes: Array, weight: Array) -> Array:
