@@ -67,3 +67,32 @@ def test_the_card_must_be_in_the_photo(glossy, load, drain, card):
         drain(
             load("reshade_addon.solving").solve_materials(scene, photo, quality="draft", card=card("Carpet", [0.9] * 3))
         )
+
+
+def test_a_phong_highlight_looks_the_same_in_cycles_once_converted(glossy, lamp, load, drain):
+    """As bright and as large, but for the lobes' shapes, and for what Fresnel adds to one that is converted head on."""
+    scene, _ = glossy
+    gloss, core = load("core.gloss"), load("core.lights")
+    given = gloss.Gloss(0.03, 0.3, "phong")
+    same = gloss.converted(given, "principled")
+    write, types = load("reshade_addon.scene_write"), load("core.types")
+    for name in ("Ball", "Floor", "Box"):
+        strength, width = (same.strength, same.width) if name == "Ball" else (0.0, 1.0)
+        write.write_material(
+            bpy.data.materials[name], types.Surface(name, np.zeros(3), 1, specular=strength, roughness=width)
+        )
+    shown = drain(load("reshade_addon.rendering").render(scene, 256))
+    reading = load("reshade_addon.scene_read")
+    view = reading.read_view(scene, (192, 144))
+    buffers = drain(reading.read_buffers(view))
+    seen = load("core.preview").Preview(buffers, view.caster.visible, view.camera.to_world[:3, 3]).samples
+    ball = load("core.samples").subset(seen, seen.surface == buffers.names.index("Ball"))
+    unit = core.with_strength(lamp, np.ones(3))
+    shade = core.shading(unit, ball.point, ball.normal)[:, None]
+    lit = gloss.Lit([unit], lamp.radiance[None], shade, np.ones_like(shade), np.zeros(3))
+    wanted = gloss.specular_term(ball, lit, given).mean(axis=1)
+    column, row = ball.pixel.T
+    found = shown[row, column].mean(axis=1)
+    assert np.quantile(found, 0.998) == pytest.approx(np.quantile(wanted, 0.998), rel=0.2)
+    bright = [(values > 0.5 * np.quantile(values, 0.998)).sum() for values in (found, wanted)]
+    assert bright[0] == pytest.approx(bright[1], rel=0.2)
