@@ -41,7 +41,7 @@ def covariance(problem: Problem, state: State, expected: Array) -> Array:
     expected : (N,) deviation of each residual as the fit weighed it
     """
     weight = _loss_weight(problem, state, expected)
-    slopes, others = _independent(problem, state)
+    slopes, others = independent(problem, state, RAYS)
     usual = slopes.mean(axis=0)
     to_power, back = _powers(state)
     inverse = np.linalg.pinv(information(slopes, weight), rcond=1e-14, hermitian=True) @ to_power.T
@@ -106,8 +106,8 @@ def _clustered(influence: Array, kind: NDArray[np.intp]) -> Array:
     return (total**2).sum(axis=0) * count / max(count - 1, 1)
 
 
-def _independent(problem: Problem, state: State) -> tuple[Array, Array]:
-    """Two sets of slopes (2, N, P) and residuals (2, N), each with rays of its own, none of them the fit's."""
+def independent(problem: Problem, state: State, rays: int) -> tuple[Array, Array]:
+    """Compute two sets of slopes (2, N, P) and residuals (2, N), each with rays of its own, none of them the fit's."""
     if problem.visible is None:
         return np.stack([model_jacobian(problem, state)] * 2), np.stack([state.residual(problem)] * 2)
     slopes, residuals = [], []
@@ -118,7 +118,7 @@ def _independent(problem: Problem, state: State) -> tuple[Array, Array]:
             samples=subset(problem.samples, order),
             brightness=problem.brightness[order],
             around=problem.around[order],
-            rays=RAYS,
+            rays=rays,
         )
         there = other.state(state.light, state.log_c, state.around, 1.0)
         slope, residual = model_jacobian(other, there), there.residual(other)

@@ -34,7 +34,7 @@ STAGES = (
     ("hints",),
     ("starts",),
     ("gloss", "light_fit"),
-    ("model_choice",),
+    ("model_choice", "refinement"),
     ("radiometric", "thesis_minimisers", "uncertainty"),
     ("light_search", "materials"),
     ("pipeline",),

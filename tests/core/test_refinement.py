@@ -1,0 +1,51 @@
+"""The last steps of a fit: nearer to the truth than what they began with, and no step where there is none to take."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from core.light_fit import fit_light
+from core.light_problem import Problem, brightness
+from core.lights import moved, reach_of
+from core.progress import drain
+from core.refinement import refined
+from core.samples import choose_samples, extent_of
+
+
+def problem_of(scene, photo, rays, count=700):
+    samples = choose_samples(photo, scene.camera, scene.buffers, count)
+    middle, extent = extent_of(samples)
+    nothing = np.zeros((len(samples), 0))
+    return Problem(samples, brightness(samples), scene.visible, rays, 60 * extent, middle, lambda _: True, nothing)
+
+
+def off(light, true):
+    """Centre in % of its distance, normal in degrees, sides in %."""
+    centre = 100 * np.linalg.norm(light.centre - true.centre) / np.linalg.norm(true.centre)
+    normal = np.degrees(np.arccos(min(light.normal @ true.normal, 1.0)))
+    return np.array([centre, normal, *(100 * np.abs(np.log(light.size / true.size)))])
+
+
+def test_the_last_steps_lead_nearer_to_the_light(ball):
+    true, clean = ball.light(), ball.photo(ball.light())
+    rough, fine = [], []
+    for seed in range(5):
+        rng = np.random.default_rng(seed)
+        photo = replace(clean, linear=clean.linear * (1 + 0.005 * rng.normal(size=clean.linear.shape)))
+        coarse = problem_of(ball, photo, 16)
+        step = rng.choice([-1, 1], 8) * np.array([0.01, 0.01, 0.01, 0.04, 0.04, 0.05, 0.1, 0.1])
+        begun = replace(moved(true, step, reach_of(true, coarse.middle)), radiance=np.ones(3))
+        before = drain(fit_light(coarse, begun, iterations=8))
+        after = drain(refined(problem_of(ball, photo, 256), before, iterations=6, slope_rays=64))
+        rough.append(off(before.light, true))
+        fine.append(off(after.light, true))
+    usual = np.sqrt(np.mean(np.square([rough, fine]), axis=1))
+    assert (usual[1] < usual[0]).all() and (usual[1] / usual[0]).prod() < 0.6
+
+
+def test_the_end_without_shadows_is_the_end(ball):
+    problem = replace(problem_of(ball, ball.photo(ball.light(), noise=0.01), 1, count=200), visible=None)
+    rough = drain(fit_light(problem, ball.light(), iterations=100, tolerance=1e-12))
+    fit = drain(refined(problem, rough, iterations=5, slope_rays=1))
+    np.testing.assert_allclose(fit.light.centre, rough.light.centre, atol=2e-3)
+    assert fit.converged
