@@ -30,6 +30,7 @@ WIDEST_PROBE = 5.0  # times that: as far as a shadow is looked for from where it
 _NO_STRENGTH = 1e-300  # of a surface that the light does not reach
 _SMALLEST_SPREAD = 1e-4  # of the median brightness
 _SPREAD_ROUNDS = 30  # of the fixed point that the likeliest spread is
+_REWEIGHTED = 3  # times that a linear solution is made anew, outliers counting less
 _LOSS_SCALE = 1.5  # of the expected residual: beyond it a residual counts by its size, not its square
 
 
@@ -103,10 +104,14 @@ class Problem:
         return visible_fraction(light, self.samples, self.visible, self.rays, self.far, known.share if known else None)
 
     def start(self, light: Light) -> State:
-        """The state of a light whose strengths and ambient are not known yet: their linear solution."""
+        """The state of a light whose strengths and ambient are not known yet: linearly, outliers unheard."""
         state = self.state(light, np.zeros(len(self.samples.names)), np.zeros(self.around.shape[1]), WIDEST_PROBE)
-        strength, around = linear_start(self, state.shade * state.share)
-        return replace(state, log_c=np.log(np.maximum(strength, _NO_STRENGTH)), around=around)
+        weight = self.samples.weight
+        for _ in range(_REWEIGHTED + 1):
+            strength, around = linear_start(self, state.shade * state.share, weight)
+            state = replace(state, log_c=np.log(np.maximum(strength, _NO_STRENGTH)), around=around)
+            weight = _loss_weight(self, state, spread_of(self, state))
+        return state
 
     def state(self, light: Light, log_c: Array, around: Array, probe: float, before: Known | None = None) -> State:
         """The state of a light with given strengths and light around; `probe` as in `State`, `before` as in `known`."""
@@ -126,8 +131,8 @@ def brightness(samples: Samples) -> Array:
     return out
 
 
-def linear_start(problem: Problem, shade: Array) -> tuple[Array, Array]:
-    """Solve for the surfaces' strengths (S,) and the light around (K,), given the light's shading (N,).
+def linear_start(problem: Problem, shade: Array, weight: Array) -> tuple[Array, Array]:
+    """Solve for the surfaces' strengths (S,) and the light around (K,), given the light's shading and weights (N,).
 
     Each surface has its own say of how much there is of each field, and their weighted median decides.
     """
@@ -137,15 +142,15 @@ def linear_start(problem: Problem, shade: Array) -> tuple[Array, Array]:
     if len(around):
         for s in np.unique(samples.surface):
             of = samples.surface == s
-            found = several_terms(np.column_stack([shade[of], problem.around[of]]), y[of], samples.weight[of])
+            found = several_terms(np.column_stack([shade[of], problem.around[of]]), y[of], weight[of])
             if found[0] > 0:
                 ratios.append(found[1:] / found[0])
                 trust.append(samples.weight[of].sum())
         for k in range(len(around) if ratios else 0):
             around[k] = weighted_quantile(np.array(ratios)[:, k], np.array(trust), 0.5)
     full = shade + problem.around @ around
-    up = np.bincount(samples.surface, samples.weight * full * y, surfaces)
-    down = np.bincount(samples.surface, samples.weight * full**2, surfaces)
+    up = np.bincount(samples.surface, weight * full * y, surfaces)
+    down = np.bincount(samples.surface, weight * full**2, surfaces)
     strength[down > 0] = up[down > 0] / down[down > 0]
     return strength, around
 
@@ -188,8 +193,16 @@ def negative_log_likelihood(problem: Problem, state: State, spread: Array) -> fl
 def score(problem: Problem, state: State) -> float:
     """Compute the mean negative log likelihood of the residual at each surface's likeliest spread.
 
-    Unlike the loss it can be compared between fits to the same samples. The spread that `expected_residual` gives the
-    fit would not do: where nine samples in ten fit exactly it is next to nothing, and the tenth costs without limit.
+    Unlike the loss it can be compared between fits to the same samples.
+    """
+    return negative_log_likelihood(problem, state, spread_of(problem, state))
+
+
+def spread_of(problem: Problem, state: State) -> Array:
+    """Compute each sample's spread (N,) that makes the residuals of its surface likeliest.
+
+    The one that `expected_residual` gives the fit would not do to compare fits: where nine samples in ten fit exactly
+    it is next to nothing, and the tenth costs without limit.
     """
     samples, residual = problem.samples, state.residual(problem)
     smallest = _SMALLEST_SPREAD * max(float(np.median(np.abs(problem.brightness))), 1e-12)
@@ -202,7 +215,7 @@ def score(problem: Problem, state: State) -> float:
             soft = square / np.sqrt(1 + square / (_LOSS_SCALE * max(sigma, smallest)) ** 2)
             sigma = float(np.sqrt(np.average(soft, weights=weight)))
         spread[of] = max(sigma, smallest)
-    return negative_log_likelihood(problem, state, spread)
+    return spread
 
 
 def normal_equations(problem: Problem, state: State, expected: Array) -> tuple[Array, Array]:

@@ -12,97 +12,35 @@ import numpy as np
 
 from .cues import diffuse_maxima, grid, highlights, terminators
 from .hints import Hint, hinted_lines, turned
-from .interreflection import Surroundings, gather, patch_radiance, usual_radiance
 from .light_fit import LightFit, fit_light, search_light
-from .light_problem import Problem, brightness
-from .lights import incidence, reach_of, resized
+from .light_polish import enriched, polished
+from .light_problem import brightness
+from .light_regions import divided, regions
+from .lights import reach_of, resized
 from .model_choice import choose, criterion
 from .progress import shifted, watched
-from .samples import choose_samples, extent_of, first, subset
-from .starts import Judge, Start, find_starts, in_view
+from .samples import first
+from .second_light import second_light
+from .segmentation import cut
+from .sight import Asked, Effort, Sight, asked
+from .starts import Judge, Start, find_starts
 from .thesis_minimisers import fit_light_bfgs, fit_light_powell
 from .types import (
     AreaLight,
     Array,
-    Buffers,
-    Camera,
     Candidate,
     Light,
-    Meets,
-    Photo,
     PointLight,
     Progress,
     Samples,
     SunLight,
-    Visible,
 )
-from .visibility import openness, settled
 
-FAR = 60.0  # of the scene's extent: as good as infinity for a shadow ray
-_BOUNCE_ROUNDS = 2  # of what the photo does not show, by the light found
 _IN_THE_RUNNING = 0.1  # of negative log likelihood a sample: starts that end farther behind are given up
+_AS_WELL = 0.05  # of the same: what a second light may explain less than several albedos a surface do
 _FIRST_RADIUS = 0.02  # of a point's distance
-_PENUMBRA_MARGIN = 0.02  # of the light's distance: how far round a penumbra pixels are asked too
-_GRAZING = 0.2  # cosine
 SOLVERS = {"trust-region": fit_light, "bfgs": fit_light_bfgs, "powell": fit_light_powell}
 MODELS = ("auto", "area", "point", "sun")
-
-
-@dataclass(frozen=True, slots=True)
-class Effort:
-    """What a quality buys."""
-
-    samples: int  # for the last fit and the materials
-    pool: int  # from which those in penumbrae are subset
-    search_total: int  # for starts and fits from them
-    fit_samples: int
-    fit_rays: int
-    polish_rays: int  # for the last fit
-    search_samples: int
-    refine_samples: int
-    directions: int
-    starts: int
-    suns: int
-    finalists: int
-    tolerance: float  # of the loss, to end a fit
-
-
-@dataclass(frozen=True, slots=True)
-class Sight:
-    """A photo and what is known of its scene before any light is."""
-
-    photo: Photo
-    camera: Camera
-    buffers: Buffers
-    visible: Visible
-    meets: Meets | None  # None: no interreflection in the model
-    middle: Array  # (3,)
-    extent: float
-
-    @property
-    def far(self) -> float:
-        """How far a shadow ray towards a sun goes, metres."""
-        return FAR * self.extent
-
-    def hidden(self, light: Light) -> bool:
-        """Whether the photo does not show a light."""
-        return not in_view(light, self.camera, self.buffers)
-
-
-@dataclass(frozen=True, slots=True)
-class Asked:
-    """Samples, and the light that reaches them from all around."""
-
-    samples: Samples
-    around: Surroundings | None
-    fields: Array  # (N, K)
-
-    def problem(self, sight: Sight, count: int, rays: int) -> Problem:
-        """What a fit to the first `count` of them minimises."""
-        some = first(self.samples, count)
-        return Problem(
-            some, brightness(some), sight.visible, rays, sight.far, sight.middle, sight.hidden, self.fields[:count]
-        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,6 +50,7 @@ class Searched:
     name: str  # of the model: area, point or sun
     fit: LightFit
     asked: Asked
+    second: LightFit | None
     candidates: tuple[Candidate, ...]
     starts: tuple[Start, ...]
 
@@ -119,27 +58,6 @@ class Searched:
     def bounce(self) -> float:
         """How much the fields of what other surfaces send count, over the light's strength."""
         return float(self.fit.around[1]) if len(self.fit.around) > 1 else 0.0
-
-
-def look(
-    photo: Photo, camera: Camera, buffers: Buffers, visible: Visible, meets: Meets | None, count: int
-) -> tuple[Sight, Samples]:
-    """What is known before any light is, and `count` samples. Raises NothingToLearn as `choose_samples`."""
-    samples = choose_samples(photo, camera, buffers, count)
-    middle, extent = extent_of(samples)
-    return Sight(photo, camera, buffers, visible, meets, middle, extent), samples
-
-
-def asked(sight: Sight, samples: Samples) -> Generator[Progress, None, Asked]:
-    """Find out what surrounds samples."""
-    if sight.meets is None:
-        samples = replace(samples, openness=openness(samples, sight.visible, 32, sight.far))
-        return Asked(samples, None, samples.openness[:, None])
-    gathering = gather(samples, sight.photo, sight.camera, sight.buffers, sight.meets)
-    around = yield from watched(gathering, 0.0, 1.0, "Gathering the light that surfaces send one another")
-    samples = replace(samples, openness=around.samples.openness)
-    fields = _fields(samples, around.fields(usual_radiance(around, samples)))
-    return Asked(samples, around, fields)
 
 
 def search(
@@ -172,36 +90,31 @@ def search(
         suns = [entry.light for entry in found if isinstance(entry.light, SunLight)]
     rough = yield from shifted(_rough(sight, here, effort, initial, solver, start is None), 0.15, 0.45)
     tried = _models(model, rough, suns, effort.finalists, sight.middle)
-    name, fit, candidates = yield from shifted(_finals(sight, here, effort, tried, solver), 0.45, 0.75)
     if solver != "trust-region":  # a baseline's result is left as it found it
-        return Searched(name, fit, here, candidates, found)
-    there = yield from shifted(asked(sight, _enriched(sight, fit.light, effort)), 0.75, 0.8)
-    fit, there = yield from shifted(polished(sight, there, fit.light, effort), 0.8, 1.0)
-    return Searched(name, fit, there, candidates, found)
-
-
-def polished(
-    sight: Sight, here: Asked, light: Light, effort: Effort
-) -> Generator[Progress, None, tuple[LightFit, Asked]]:
-    """Fit to all that is asked, in turn with what the light makes of the surfaces that the photo does not show."""
-    message = "Fitting to all of the photo"
-    rays = effort.polish_rays
-    fit = yield from watched(_polish(here.problem(sight, len(here.samples), rays), light, effort), 0.0, 0.4, message)
-    if here.around is None or not fit.around[1:].any():
-        return fit, here
-    for turn in range(_BOUNCE_ROUNDS):
-        product = fit.strength[:, None] * _hues(here.samples)
-        radiance = patch_radiance(
-            here.around, fit.light, product, fit.around[0], fit.around[1], sight.visible, sight.far
-        )
-        here = replace(here, fields=_fields(here.samples, here.around.fields(radiance)))
-        steps = _polish(here.problem(sight, len(here.samples), rays), fit.light, effort)
-        fit = yield from watched(steps, 0.4 + 0.3 * turn, 0.7 + 0.3 * turn, message)
-    return fit, here
-
-
-def _polish(problem: Problem, light: Light, effort: Effort) -> Generator[float, None, LightFit]:
-    return fit_light(problem, light, iterations=8, tolerance=effort.tolerance)
+        name, fit, candidates = yield from shifted(_finals(sight, here, effort, tried, solver), 0.45, 1.0)
+        return Searched(name, fit, here, None, candidates, found)
+    label, places = cut(sight.photo, sight.buffers), [*(one.light for one in rough[: effort.starts]), *suns]
+    parts = yield from shifted(divided(sight, here, effort, tried[0][1], label), 0.45, 0.5)
+    if parts is not None:
+        here, tried[0] = parts.asked, (tried[0][0], parts.light, tried[0][2])
+    name, fit, candidates = yield from shifted(_finals(sight, here, effort, tried, solver), 0.55, 0.75)
+    whole = yield from shifted(asked(sight, enriched(sight, fit.light, effort)), 0.75, 0.8)
+    there = whole.divided(regions(sight, whole, fit, effort.polish_rays, label)) if parts else whole
+    fit, there = yield from shifted(polished(sight, there, fit.light, effort), 0.8, 0.9)
+    if model != "auto":
+        return Searched(name, fit, there, None, candidates, found)
+    pair, considered = yield from shifted(second_light(sight, whole, fit, effort, places), 0.9, 0.95)
+    if parts is not None:
+        # What another light draws on a surface has edges, too: it says the same with fewer numbers, or less.
+        if pair and pair.score < fit.score + _AS_WELL:
+            there = whole
+        else:
+            pair, considered = yield from shifted(second_light(sight, there, fit, effort, places), 0.95, 1.0)
+    candidates = (*candidates, considered)
+    if pair is None:
+        return Searched(name, fit, there, None, candidates, found)
+    beside = there.beside(sight, pair.other.light, effort.polish_rays)
+    return Searched(name, pair.main, beside, pair.other, candidates, found)
 
 
 def _starts(sight: Sight, samples: Samples, effort: Effort, model: str, hints: Sequence[Hint]) -> tuple[Start, ...]:
@@ -259,7 +172,7 @@ def _finals(
     sight: Sight, here: Asked, effort: Effort, tried: Sequence[tuple[str, Light, bool]], solver: str
 ) -> Generator[Progress, None, tuple[str, LightFit, tuple[Candidate, ...]]]:
     """Fine fits of each model, and which is chosen."""
-    fine = here.problem(sight, effort.fit_samples, effort.fit_rays)
+    fine = here.problem(sight, 2 * effort.fit_samples, effort.polish_rays)
     dense = here.problem(sight, 2 * effort.fit_samples, 1)
     fits: list[tuple[str, LightFit, Candidate]] = []
     share = 1.0 / len(tried)
@@ -269,7 +182,7 @@ def _finals(
             # One ray finds all of a small source's shadow, so all samples can be asked for its edge.
             steps = search_light(dense, begun, widest=0.06, finest=1e-3)
             begun = yield from watched(steps, begin, begin + 0.5 * share, message)
-        fitting = SOLVERS[solver](fine, begun, iterations=40, tolerance=effort.tolerance)
+        fitting = SOLVERS[solver](fine, begun, iterations=20, tolerance=effort.tolerance)
         fit = yield from watched(fitting, begin + 0.5 * share, begin + share, message)
         fits.append((name, fit, Candidate(name, criterion(fit, fine), time.perf_counter() - since)))
     chosen = choose([fit for _, fit, _ in fits], [found.score for *_, found in fits], fine, sight.extent)
@@ -296,40 +209,3 @@ def _models(
     if model in ("auto", "sun"):
         tried += [("sun", sun, True) for sun in suns]
     return tried
-
-
-def _enriched(sight: Sight, light: Light, effort: Effort) -> Samples:
-    """Samples for the last fit: half of them, or all there are, from the light's penumbrae; the rest spread out.
-
-    Each stands for the pixels it was chosen from.
-    """
-    pool = choose_samples(sight.photo, sight.camera, sight.buffers, effort.pool)
-    margin = _PENUMBRA_MARGIN * reach_of(light, sight.middle)
-    edge = np.isnan(settled(light, pool, sight.visible, sight.far, margin))
-    # Where light grazes a mesh its facets shade one another: that is no penumbra to learn from.
-    edge &= incidence(light, pool.point, pool.normal) > _GRAZING
-    inside, outside = np.flatnonzero(edge)[: effort.samples // 2], np.flatnonzero(~edge)
-    outside = outside[: effort.samples - len(inside)]
-    weight = np.zeros(len(pool))
-    for kind, chosen in ((edge, inside), (~edge, outside)):
-        for s in np.unique(pool.surface[chosen]):
-            of = chosen[pool.surface[chosen] == s]
-            weight[of] = pool.weight[kind & (pool.surface == s)].sum() / len(of)
-    # In the pool's order, so that any first few are spread over the photo.
-    keep = np.sort(np.concatenate([inside, outside]))
-    return subset(replace(pool, weight=weight), keep)
-
-
-def _fields(samples: Samples, sent: Sequence[Array]) -> Array:
-    """Openness and each field (N, 3) that surfaces send as brightness along a sample's surface's hue: (N, K)."""
-    along = _hues(samples)[samples.surface] ** 2
-    return np.column_stack([samples.openness, *(np.einsum("ij,ij->i", field, along) for field in sent)])
-
-
-def _hues(samples: Samples) -> Array:
-    """Unit vector along each surface's mean colour, (S, 3)."""
-    out = np.zeros((len(samples.names), 3))
-    for s in np.unique(samples.surface):
-        of = samples.surface == s
-        out[s] = np.average(samples.colour[of], axis=0, weights=samples.weight[of])
-    return out / np.maximum(np.linalg.norm(out, axis=1, keepdims=True), 1e-300)

@@ -12,13 +12,15 @@ import numpy as np
 
 from .color import linear_to_srgb
 from .hints import Hint
-from .light_search import Asked, Effort, Sight, asked, look, polished, search
+from .light_polish import polished
+from .light_search import search
 from .lights import reach_of, shading, with_strength
 from .materials import Bounces, Card, Materials, absolute, falling, in_regions, solve_materials
 from .noise import noise_of
 from .progress import shifted
 from .radiometric import SCALE, left_over
 from .segmentation import at_samples, cut, whole
+from .sight import Asked, Effort, Sight, asked, look
 from .types import (
     AreaLight,
     Buffers,
@@ -78,24 +80,31 @@ def estimate(
     sight, samples = look(photo, camera, buffers, visible, meets, effort.samples)
     clock.mark("samples")
     steps = search(sight, samples, effort, model=model, start=start, solver=solver, hints=hints)
-    found = yield from shifted(steps, 0.0, 0.9)
+    found = yield from shifted(steps, 0.0, 0.7)
     if found is None:
         return _failed("No place for a light explains any of the shading: check the camera and the geometry", clock)
     clock.mark("fit")
     fit, here = found.fit, found.asked
-    materials = yield from shifted(_materials(sight, here, (fit.light,), quality, bounce=found.bounce), 0.8, 0.9)
-    for _ in range(_GLOSS_ROUNDS):
+    others = (found.second.light,) if found.second else ()
+    told = _materials(sight, here, (fit.light, *others), quality, bounce=found.bounce)
+    materials = yield from shifted(told, 0.7, 0.8)
+    for turn in range(_GLOSS_ROUNDS):
         if materials.matt is None:
             break
         # Highlights are no shading: the light is fitted anew to what the photo would show without them.
+        begin = 0.8 + 0.2 * turn / _GLOSS_ROUNDS
         again = polished(sight, replace(here, samples=materials.matt), fit.light, effort)
-        fit, _ = yield from shifted(again, 0.9, 0.95)
-        materials = yield from shifted(_materials(sight, here, (fit.light,), quality, bounce=found.bounce), 0.95, 0.99)
+        fit, _ = yield from shifted(again, begin, begin + 0.05)
+        told = _materials(sight, here, (fit.light, *others), quality, bounce=found.bounce)
+        materials = yield from shifted(told, begin + 0.05, begin + 0.1)
     materials, scale = absolute(materials)
     clock.mark("solve")
-    sure = (uncertainty_of(fit, reach_of(fit.light, sight.middle)),)
-    result = _assembled(photo, here.samples, (fit.light,), materials, sure, f"{found.name} light", clock)
+    lights = (fit.light, *others)
+    sure = tuple(uncertainty_of(one, reach_of(one.light, sight.middle)) for one in (fit, found.second) if one)
+    chosen = f"{found.name} light" + (" and a second" if others else "")
+    result = _assembled(photo, here.samples, lights, materials, sure, chosen, clock)
     result = replace(result, candidates=(*found.candidates, *result.candidates), scale=scale)
+    result = replace(result, surfaces=united(result.surfaces, samples.names))
     result = replace(result, starts=tuple(Tried(entry.cue, entry.score) for entry in found.starts))
     if not fit.converged:
         result = replace(result, warnings=(*result.warnings, "The fit was still improving when it stopped."))

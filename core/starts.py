@@ -72,6 +72,15 @@ class Judge:
             return np.inf
         if rays:
             lit = lit * visible_fraction(light, samples, self.visible, rays, self.far)
+        return self._left(lit)
+
+    def without(self) -> float:
+        """The score of no light at all."""
+        return self._left(np.zeros(len(self.samples)))
+
+    def _left(self, lit: Array) -> float:
+        """The score of what a light of unit strength makes of the samples, (N,)."""
+        samples, weight = self.samples, self.samples.weight
         surface, count, y, openness = samples.surface, len(samples.names), self.brightness, samples.openness
         direct, ambient = _two_terms(lit, openness, y, weight, surface, count)
         off = np.abs(y - direct[surface] * lit - ambient[surface] * openness)

@@ -66,7 +66,9 @@ def test_a_given_light_is_solved_for_its_strength_alone(ball):
 
 def test_two_given_lights_keep_their_ratio(ball):
     first = ball.light(radiance=10.0)
-    second = replace(first, centre=np.array([1.4, -0.6, 1.2]), u=np.array([0.0, 1.0, 0.0]), v=np.array([0.6, 0.0, 0.8]))
+    second = replace(
+        first, centre=np.array([1.4, -0.6, 1.2]), u=np.array([0.0, -1.0, 0.0]), v=np.array([0.6, 0.0, -0.8])
+    )
     second = replace(second, radiance=np.array([4.0, 3.0, 2.0]))
     both = Photo(ball.photo(first).linear + ball.photo(second).linear, ball.photo(first).clipped)
     found = drain(solve(both, ball.camera, ball.buffers, ball.visible, [first, second]))
@@ -108,3 +110,39 @@ def test_a_clipped_photo_says_nothing(ball):
     photo = ball.photo(ball.light())
     with pytest.raises(NothingToLearn, match="unclipped"):
         blind(ball, replace(photo, clipped=np.ones_like(photo.clipped)))
+
+
+def test_a_second_light_is_found_where_there_is_one_and_its_shadow_tells_it_from_the_first(ball):
+    first = ball.light(side=(0.3, 0.3))
+    second = replace(
+        first, centre=np.array([1.6, -0.4, 1.5]), u=np.array([0.0, -1.0, 0.0]), v=np.array([0.6, 0.0, -0.8])
+    )
+    second = replace(second, radiance=np.full(3, 4.0))
+    both = Photo(ball.photo(first).linear + ball.photo(second).linear, ball.photo(first).clipped)
+    found = blind(ball, both, quality="draft")
+    assert "and a second" in found.chosen and len(found.lights) == len(found.uncertainty) == 2
+    for light, truth in zip(found.lights, (first, second), strict=True):
+        assert np.linalg.norm(light.centre - truth.centre) < 0.04 * np.linalg.norm(truth.centre)
+    ratio = found.lights[1].radiance.mean() * found.lights[1].size.prod() / found.lights[0].radiance.mean()
+    assert ratio / found.lights[0].size.prod() == pytest.approx(0.2, rel=0.1)
+
+
+def test_one_light_is_not_taken_for_two_and_the_report_says_what_was_considered(ball):
+    found = blind(ball, ball.photo(ball.light(), ambient=0.1, noise=0.02), quality="draft")
+    assert len(found.lights) == 1
+    (gain,) = [candidate.score for candidate in found.candidates if candidate.name == "second light"]
+    assert gain > -0.1
+
+
+def test_an_edge_of_albedo_is_not_taken_for_the_lights_own_gradient(ball):
+    """The floor is darker by 1.8 beyond a line; without a region of its own the light tilts to stand for that."""
+    truth = ball.light()
+    photo = ball.photo(truth, ambient=0.1)
+    beyond = (ball.buffers.surface == 0) & (ball.buffers.point @ [0.8, 0.6, 0.0] > 0.3)
+    found = blind(
+        ball, replace(photo, linear=np.where(beyond[..., None], photo.linear / 1.8, photo.linear)), quality="draft"
+    )
+    assert max(errors(found.lights[0], truth)) < 2.0
+    floor = next(surface for surface in found.surfaces if surface.name == "floor")
+    assert floor.textured and len(floor.regions) == 2
+    np.testing.assert_allclose(floor.regions[0].albedo / floor.regions[1].albedo, 1.8, rtol=0.03)
