@@ -23,10 +23,11 @@ from pathlib import Path
 
 import numpy as np
 
-from ..core.light_search import Searched, look, search
+from ..core.light_search import Searched, search
 from ..core.lights import moved, reach_of, shading_gradient
-from ..core.pipeline import _EFFORTS as EFFORTS
+from ..core.pipeline import EFFORTS
 from ..core.progress import drain
+from ..core.sight import look
 from ..core.types import AreaLight, Array, Photo, Samples
 from ..core.uncertainty import INTERVAL, uncertainty_of
 from .calibration_scene import AIM, Noise, Shot, deviation, percent, sensor, shot, true_share

@@ -14,11 +14,13 @@ from .light_fit import LightFit, fit_light
 from .light_problem import Problem
 from .lights import incidence, reach_of
 from .progress import watched
+from .refinement import refined
 from .samples import choose_samples, subset
 from .sight import Asked, Effort, Sight, fields_along, hues
 from .types import Light, Progress, Samples
 from .visibility import settled
 
+_LAST_RAYS, _SLOPE_RAYS = 512, 128  # of the last steps: less noise than 1 % of what a penumbra shows
 _BOUNCE_ROUNDS = 2  # of what the photo does not show, by the light found
 _PENUMBRA_MARGIN = 0.02  # of the light's distance: how far round a penumbra pixels are asked too
 _GRAZING = 0.2  # cosine
@@ -31,16 +33,20 @@ def polished(
     message = "Fitting to all of the photo"
     rays = effort.polish_rays
     fit = yield from watched(_polish(here.problem(sight, len(here.samples), rays), light, effort), 0.0, 0.4, message)
-    if here.around is None or not fit.around[1:].any():
-        return fit, here
-    for turn in range(_BOUNCE_ROUNDS):
+    bounced = here.around is not None and fit.around[1:].any()
+    for turn in range(_BOUNCE_ROUNDS if bounced else 0):
+        assert here.around is not None
         product = fit.strength[:, None] * hues(here.samples)
         radiance = patch_radiance(
             here.around, fit.light, product, fit.around[0], fit.around[1], sight.visible, sight.far
         )
         here = replace(here, fields=fields_along(here.samples, here.around.fields(radiance)))
         steps = _polish(here.problem(sight, len(here.samples), rays), fit.light, effort)
-        fit = yield from watched(steps, 0.4 + 0.3 * turn, 0.7 + 0.3 * turn, message)
+        fit = yield from watched(steps, 0.4 + 0.15 * turn, 0.55 + 0.15 * turn, message)
+    if effort.last_steps:
+        problem = here.problem(sight, len(here.samples), _LAST_RAYS)
+        last = refined(problem, fit, iterations=effort.last_steps, slope_rays=_SLOPE_RAYS)
+        fit = yield from watched(last, 0.7, 1.0, "Asking penumbrae with more rays")
     return fit, here
 
 

@@ -46,12 +46,12 @@ _TEXTURED = 0.08  # robust spread of a surface's residual over its mean: more is
 _UNTRUSTED = 0.6  # share of the photo's variation left over, above which no light explains it
 
 
-_EFFORTS = {
-    "draft": Effort(1500, 4000, 600, 400, 24, 16, 150, 300, 100, 3, 2, 1, 1e-3),
-    "standard": Effort(4000, 12000, 1600, 800, 64, 16, 250, 600, 240, 6, 3, 2, 3e-4),
-    "accurate": Effort(10000, 30000, 5000, 2500, 144, 64, 400, 1200, 400, 8, 4, 3, 1e-4),
+EFFORTS = {
+    "draft": Effort(1500, 4000, 600, 400, 24, 16, 150, 300, 100, 3, 2, 1, 1e-3, 0),
+    "standard": Effort(4000, 12000, 1600, 800, 64, 16, 250, 600, 240, 6, 3, 2, 3e-4, 0),
+    "accurate": Effort(10000, 30000, 5000, 2500, 144, 64, 400, 1200, 400, 8, 4, 3, 1e-4, 4),
 }
-QUALITIES = tuple(_EFFORTS)
+QUALITIES = tuple(EFFORTS)
 
 
 def estimate(
@@ -75,7 +75,7 @@ def estimate(
     Raises NothingToLearn where the photo shows too little of the geometry. A photo that no light explains gives a falsy
     Estimate whose message says so.
     """
-    clock, effort = _Clock(), _EFFORTS[quality]
+    clock, effort = _Clock(), EFFORTS[quality]
     yield Progress(0.0, "Choosing samples")
     sight, samples = look(photo, camera, buffers, visible, meets, effort.samples)
     clock.mark("samples")
@@ -128,7 +128,7 @@ def solve(
     card : a surface of known albedo
     Raises ReshadeError where the photo does not show the card.
     """
-    clock, effort = _Clock(), _EFFORTS[quality]
+    clock, effort = _Clock(), EFFORTS[quality]
     yield Progress(0.0, "Choosing samples")
     sight, samples = look(photo, camera, buffers, visible, meets, effort.samples)
     here = yield from shifted(asked(sight, samples), 0.0, 0.15)
@@ -170,7 +170,7 @@ def _materials(
 
     bounce : how much other surfaces send, where a fit has told: if nothing, they are left out
     """
-    samples, effort = here.samples, _EFFORTS[quality]
+    samples, effort = here.samples, EFFORTS[quality]
     shares, columns = [], []
     for i, light in enumerate(lights):
         yield Progress(0.3 * i / len(lights), f"Casting shadows of light {i + 1} of {len(lights)}")

@@ -34,6 +34,7 @@ class Effort:
     suns: int
     finalists: int
     tolerance: float  # of the loss, to end a fit
+    last_steps: int  # with so many rays that a photo's noise, not theirs, is what is left (`refinement`)
 
 
 @dataclass(frozen=True, slots=True)
