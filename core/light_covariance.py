@@ -14,6 +14,7 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import stdtrit
 
 from .light_problem import Problem, State, _loss_weight, model_jacobian
 from .lights import coordinates
@@ -24,6 +25,9 @@ RAYS = 64  # a sample, of slopes and of the residual that is compared with the f
 CELLS = (12, 6, 4, 3)  # of the photo's longer side: patches from small to large
 _TURNS = (1 / 3, 2 / 3)  # of the samples' order: another's points on the light are other rays
 _LEAST_REAL = 0.02  # of the information in a direction; what is found to be less cannot be told from the rays' noise
+_NORMAL = 1.6449  # of a normal distribution what `stdtrit` is of Student's
+_LEAST_FREEDOM = 2.0
+_BY_CHANCE = 2.0  # times the variance of independent residuals: what the largest of several kinds of patches may reach
 _STEP_COUNTS = 0.45  # of a step that other rays would take: they err too, and patches hold a part of it already
 # What is known of any light before there is a photo, deviations in the coordinates of `lights.moved`: it is about as
 # far away as it seems, does not shine backwards, and its sides are no more than an order of magnitude off.
@@ -48,8 +52,7 @@ def covariance(problem: Problem, state: State, expected: Array) -> Array:
     scaled = usual * (weight * expected)[:, None] @ inverse
     alone = scaled.T @ scaled
     influence = usual * (weight * state.residual(problem))[:, None] @ inverse  # (N, P): what each sample moves
-    kinds = [patches(problem.samples, cells) for cells in CELLS] + [problem.samples.surface.astype(np.intp)]
-    variance = np.max([np.diag(alone), *(_clustered(influence, kind) for kind in kinds)], axis=0)
+    variance = _together(influence, scaled, problem.samples)
     # The slopes of one set of rays, the residual of the other: both together would pull by what they share.
     pull = 0.5 * (slopes[0].T @ (weight * others[1]) + slopes[1].T @ (weight * others[0]))
     variance = variance + (_STEP_COUNTS * pull @ inverse) ** 2
@@ -98,12 +101,26 @@ def patches(samples: Samples, cells: int) -> NDArray[np.intp]:
     return np.unique(key, return_inverse=True)[1]
 
 
-def _clustered(influence: Array, kind: NDArray[np.intp]) -> Array:
-    """Variance (P,) of the sum of influences (N, P) that belong together by `kind` (N,)."""
-    total = np.zeros((kind.max() + 1, influence.shape[1]))
-    np.add.at(total, kind, influence)
-    count = len(np.unique(kind))
-    return (total**2).sum(axis=0) * count / max(count - 1, 1)
+def _together(influence: Array, expected: Array, samples: Samples) -> Array:
+    """Variance (P,) of the sum of influences (N, P), those of a patch or of a surface belonging together.
+
+    expected : (N, P) deviations of the influences by themselves
+    The largest of all kinds of patches. A variance that few patches tell is itself uncertain: where patches show that
+    residuals do belong together, it is widened as Student's t is (degrees of freedom of Satterthwaite 1946).
+    """
+    alone = (expected**2).sum(axis=0)
+    plain, widened = [alone], [alone]
+    for kind in (*(patches(samples, cells) for cells in CELLS), np.unique(samples.surface, return_inverse=True)[1]):
+        total, usual = (np.zeros((kind.max() + 1, influence.shape[1])) for _ in range(2))
+        np.add.at(total, kind, influence)
+        np.add.at(usual, kind, expected**2)
+        count = len(total)
+        freedom = usual.sum(axis=0) ** 2 / np.maximum((usual**2).sum(axis=0), 1e-300)
+        plain.append((total**2).sum(axis=0) * count / max(count - 1, 1))
+        widened.append(plain[-1] * (stdtrit(np.maximum(freedom, _LEAST_FREEDOM), 0.95) / _NORMAL) ** 2)
+    most = np.max(plain, axis=0)
+    evident = np.clip(1 - _BY_CHANCE * alone / np.maximum(most, 1e-300), 0.0, 1.0)
+    return most + evident * (np.max(widened, axis=0) - most)
 
 
 def independent(problem: Problem, state: State, rays: int) -> tuple[Array, Array]:

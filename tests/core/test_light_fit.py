@@ -161,8 +161,8 @@ def test_an_error_that_is_the_same_all_over_a_patch_widens_the_deviations(ball):
         rng = np.random.default_rng(seed)
         alone, together = rng.normal(size=len(patch)), rng.normal(size=patch.max() + 1)[patch]
         ratios.append(deviations(together) / deviations(alone))
-    # Three samples a patch: the root of three, less what the larger of two deviations takes from chance.
-    assert 1.15 < np.mean(ratios) < 1.75
+    # Three samples a patch: about the root of three, and wider where few patches tell it.
+    assert 1.15 < np.mean(ratios) < 2.1
 
 
 def test_what_is_expected_of_a_residual_is_its_spread_on_each_surface(ball):
