@@ -7,7 +7,7 @@ does not pull.
 """
 
 from collections.abc import Generator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -27,6 +27,7 @@ from .types import Array, Light
 _LARGEST_STEP = 0.5  # in the coordinates of `moved`
 _PROBE_UNIT = 0.02  # of a step: shadows are probed that much farther for each
 _LARGEST_LOG_STEP = 2.0  # of a strength
+_LEAST_STRENGTH = 1e-300  # whose logarithm is a number
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +42,9 @@ class LightFit:
     shading: Array  # (N,) of a unit light, shadows included
     loss: float  # mean soft-L1 loss in units of `expected`
     score: float  # mean negative log likelihood: unlike the loss, comparable between fits to the same samples
-    covariance: Array  # (P + 1, P + 1) of the light's coordinates and its log strength
+    covariance: (
+        Array | None
+    )  # (P + 1, P + 1) of the light's coordinates and log strength: `with_covariance`
     iterations: int
     converged: bool
 
@@ -118,13 +121,6 @@ def _stepped(problem: Problem, state: State, matrix: Array, slope: Array, dampin
 def result_of(problem: Problem, state: State, iterations: int, converged: bool) -> LightFit:
     """Describe a state as the result of a fit."""
     expected = expected_residual(problem, state)
-    sure = covariance(problem, state, expected)
-    # One overall log strength: the mean over the samples, each of its own surface.
-    size, surfaces = coordinates(state.light), len(state.log_c)
-    combine = np.zeros((size + 1, len(sure)))
-    combine[:size, :size] = np.eye(size)
-    combine[size, size : size + surfaces] = np.bincount(problem.samples.surface, minlength=surfaces)
-    combine[size] /= len(problem.samples)
     return LightFit(
         light=state.light,
         strength=np.where(state.log_c > -600, np.exp(state.log_c), 0.0),
@@ -134,7 +130,20 @@ def result_of(problem: Problem, state: State, iterations: int, converged: bool) 
         shading=state.shade * state.share,
         loss=cost(problem, state, expected),
         score=score(problem, state),
-        covariance=combine @ sure @ combine.T,
+        covariance=None,
         iterations=iterations,
         converged=converged,
     )
+
+
+def with_covariance(problem: Problem, fit: LightFit) -> LightFit:
+    """A fit to `problem` with how sure it is, which takes as long to say as some steps of the fit."""
+    state = problem.state(fit.light, np.log(np.maximum(fit.strength, _LEAST_STRENGTH)), fit.around, 1.0)
+    sure = covariance(problem, state, fit.expected)
+    # One overall log strength: the mean over the samples, each of its own surface.
+    size, surfaces = coordinates(fit.light), len(fit.strength)
+    combine = np.zeros((size + 1, len(sure)))
+    combine[:size, :size] = np.eye(size)
+    combine[size, size : size + surfaces] = np.bincount(problem.samples.surface, minlength=surfaces)
+    combine[size] /= len(problem.samples)
+    return replace(fit, covariance=combine @ sure @ combine.T)

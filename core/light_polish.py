@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from .interreflection import patch_radiance
-from .light_fit import LightFit, fit_light
+from .light_fit import LightFit, fit_light, with_covariance
 from .light_problem import Problem
 from .lights import incidence, reach_of
 from .progress import watched
@@ -47,7 +47,7 @@ def polished(
         problem = here.problem(sight, len(here.samples), _LAST_RAYS)
         last = refined(problem, fit, iterations=effort.last_steps, slope_rays=_SLOPE_RAYS)
         fit = yield from watched(last, 0.7, 1.0, "Asking penumbrae with more rays")
-    return fit, here
+    return with_covariance(here.problem(sight, len(here.samples), rays), fit), here
 
 
 def _polish(problem: Problem, light: Light, effort: Effort) -> Generator[float, None, LightFit]:

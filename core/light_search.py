@@ -12,7 +12,7 @@ import numpy as np
 
 from .cues import diffuse_maxima, grid, highlights, terminators
 from .hints import Hint, hinted_lines, turned
-from .light_fit import LightFit, fit_light, search_light
+from .light_fit import LightFit, fit_light, search_light, with_covariance
 from .light_polish import enriched, polished
 from .light_problem import brightness
 from .light_regions import divided, regions
@@ -92,6 +92,7 @@ def search(
     tried = _models(model, rough, suns, effort.finalists, sight.middle)
     if solver != "trust-region":  # a baseline's result is left as it found it
         name, fit, candidates = yield from shifted(_finals(sight, here, effort, tried, solver), 0.45, 1.0)
+        fit = with_covariance(here.problem(sight, 2 * effort.fit_samples, effort.polish_rays), fit)
         return Searched(name, fit, here, None, candidates, found)
     label, places = cut(sight.photo, sight.buffers), [*(one.light for one in rough[: effort.starts]), *suns]
     parts = yield from shifted(divided(sight, here, effort, tried[0][1], label), 0.45, 0.5)

@@ -36,6 +36,7 @@ _HEARD = 2e-3  # of what falls on such places: surfaces that send less to the sa
 _SEARCHED = 800  # samples that tell how much light comes from other surfaces
 _DARKEST, _BRIGHTEST = 0.3, 0.98  # the brightest albedo of a scene, for its scale to be believed
 _ALBEDOS = (0.02, 2.5, 12)  # mean albedo if nothing came from other surfaces: from, to, how many are tried
+_UNLIKE, _CLEARLY = 1.25, 0.1  # a factor is told where others so far off leave more over, by so much of its logarithm
 _STEP = 1.55  # between those
 _HALVINGS = 5  # of that step
 _EXCHANGES = 6  # of the brightness of what the photo does not show, and albedos, in turn
@@ -59,6 +60,7 @@ class Bounces:
     around: Surroundings
     falling: Array  # (R, L) of each light at unit strength on what the photo does not show, shadows included
     factor: float | None = None  # by which the photo's radiance counts, over the first light's; None: to be found
+    told: bool = False  # whether the photo tells it clearly
 
     def first(self, count: int) -> "Bounces":
         """Of the first samples."""
@@ -74,6 +76,7 @@ class Materials:
     radiometry: Radiometry
     bounced: Array | None  # (N, 3) light from other surfaces, over the first light's strength
     factor: float  # of `Bounces`
+    told: bool  # of `Bounces`
     gloss: tuple[Gloss, ...]  # one a surface
     considered: tuple[Gloss, ...]  # the best gloss of each surface, whether taken or not
     matt: Samples | None  # what the photo would show without any gloss; None where there is none
@@ -102,7 +105,8 @@ def solve_materials(
             f"Name one of {', '.join(samples.names)}",
         )
     if bounces is not None and bounces.factor is None:
-        bounces = replace(bounces, factor=_factor(samples, shading, bounces, with_ambient))
+        factor, told = _factor(samples, shading, bounces, with_ambient)
+        bounces = replace(bounces, factor=factor, told=told)
     found, bounced = _solved(samples, shading, bounces, with_ambient)
     found = _to_card(found, samples.names, card) if card else found
     names, matt = samples.names, None
@@ -137,7 +141,8 @@ def solve_materials(
         factor = float(before.strengths.sum() / max(found.strengths.sum(), 1e-300))
         gloss = [replace(one, strength=min(one.strength * factor, STRONGEST)) for one in gloss]
     factor = 0.0 if bounces is None or bounces.factor is None else bounces.factor
-    return Materials(found, bounced, factor, tuple(gloss), tuple(considered), matt)
+    told = bounces is not None and bounces.told
+    return Materials(found, bounced, factor, told, tuple(gloss), tuple(considered), matt)
 
 
 def in_regions(samples: Samples, found: Materials, label: Labels) -> Samples:
@@ -166,10 +171,10 @@ def absolute(materials: Materials) -> tuple[Materials, str]:
     """Give strengths and albedos the scale at which surfaces send one another as much as the photo shows.
 
     Only the product of strength and albedo shows in direct light; light that was reflected twice has the albedo twice.
-    Returns the convention too. It stays as it was where there is no such light, or the albedos it asks for are none.
+    Returns the convention too. It stays as it was where such light does not tell, or the albedos it asks for are none.
     """
     found = materials.radiometry
-    by = materials.factor * float(found.strengths[0].mean()) if materials.bounced is not None else 0.0
+    by = materials.factor * float(found.strengths[0].mean()) if materials.told else 0.0
     if not _DARKEST < by * found.albedo.max(initial=0.0) < _BRIGHTEST:
         return materials, SCALE
     scaled = replace(found, strengths=found.strengths / by, ambient=found.ambient / by, albedo=found.albedo * by)
@@ -277,8 +282,8 @@ def _exchanged(shade: Array, albedo: Array, between: Gathered) -> Array:
     return bright
 
 
-def _factor(samples: Samples, shading: Array, bounces: Bounces, with_ambient: bool) -> float:
-    """By how much the light from surfaces that the photo shows counts: what leaves least of the photo."""
+def _factor(samples: Samples, shading: Array, bounces: Bounces, with_ambient: bool) -> tuple[float, bool]:
+    """By how much light from surfaces that the photo shows counts, for least to be left, and whether it is clear."""
     some, lit, near = first(samples, _SEARCHED), shading[:_SEARCHED], bounces.first(_SEARCHED)
 
     def left(factor: float) -> float:
@@ -287,17 +292,18 @@ def _factor(samples: Samples, shading: Array, bounces: Bounces, with_ambient: bo
     bare = solve_radiometry(some, lit, with_ambient=with_ambient, any_colour=True)
     product = float(np.average((bare.strengths[0] * bare.albedo[some.surface]).mean(axis=1), weights=some.weight))
     if product <= 0:
-        return 0.0
+        return 0.0, False
     tried = {factor: left(factor) for factor in [0.0, *(np.geomspace(*_ALBEDOS) / product).tolist()]}
     best = min(tried, key=tried.__getitem__)
     if best == 0:
-        return 0.0
+        return 0.0, False
     step = _STEP
     for _ in range(_HALVINGS):
         step = step**0.5
         tried |= {factor: left(factor) for factor in (best / step, best * step)}
         best = min(tried, key=tried.__getitem__)
-    return best
+    least = min(left(best * _UNLIKE), left(best / _UNLIKE))
+    return best, least > tried[best] + _CLEARLY
 
 
 def _without_gloss(

@@ -6,7 +6,7 @@ import numpy as np
 
 from .light_fit import LightFit
 from .light_problem import Problem, State, score
-from .lights import reach_of
+from .lights import coordinates, reach_of
 from .types import AreaLight, PointLight, SunLight
 
 _AS_WELL = 0.05  # of negative log likelihood a sample: residuals 5 % larger are no evidence, models are never exact
@@ -22,7 +22,7 @@ _SIMPLER = (SunLight, PointLight, AreaLight)
 
 def criterion(fit: LightFit, problem: Problem) -> float:
     """Bayesian information criterion on the samples of `problem`: what is left over, plus a price on each unknown."""
-    count, unknowns = len(problem.samples), len(fit.covariance) + len(fit.strength)
+    count, unknowns = len(problem.samples), coordinates(fit.light) + 1 + len(fit.strength)
     return 2 * count * score(problem, at_rest(fit, problem)) + unknowns * float(np.log(count))
 
 

@@ -182,7 +182,7 @@ def _materials(
     if here.around is not None and (bounce is None or bounce > 0):
         bounces = Bounces(here.around, falling(here.around, lights, sight.visible, sight.far))
         matt = yield from solve_materials(samples, lights, lit, seen, bounces=bounces, rounds=0)
-        bounces = replace(bounces, factor=matt.factor)
+        bounces = replace(bounces, factor=matt.factor, told=matt.told)
         without = yield from solve_materials(samples, lights, lit, seen, rounds=0)
         gain = left_over(samples, without.radiometry) - left_over(samples, matt.radiometry)
         bounces = bounces if gain > _BOUNCE_GAIN else None

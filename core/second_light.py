@@ -15,7 +15,7 @@ from itertools import combinations
 import numpy as np
 
 from .cues import grid
-from .light_fit import LightFit, fit_light
+from .light_fit import LightFit, fit_light, with_covariance
 from .light_problem import brightness
 from .progress import watched
 from .samples import first
@@ -27,6 +27,10 @@ _WORTH_FITTING = 0.1  # of the logarithm of what is left over: what a pair has t
 _GAIN = 0.1  # of negative log likelihood a sample: what the second light has to explain
 _STARTS, _SUNS = 3, 1
 _RAYS = 16  # to a light of a pair that is tried
+# ... and it has to be this much of the mean brightness, root mean square: where the first light leaves next to nothing,
+# half of that is soon explained.
+_MUCH = 0.02
+_HOPELESS = 0.02  # of the same, after a turn: a pair that explains less is given up
 _TURNS = 3  # of both lights
 NAME = "second light"
 
@@ -62,24 +66,33 @@ def second_light(
         steps = fit_light(problem, light, iterations=10, tolerance=effort.tolerance)
         return (yield from watched(steps, begin, begin + 0.5 * share / (_TURNS + 1), message))
 
+    if not begun:
+        return None, considered(0.0)
+    alone = fit_light(here.problem(sight, count, rays), only.light, iterations=3)
+    one = yield from watched(alone, 0.0, 0.1, message)
     best: tuple[LightFit, LightFit] | None = None
     for number, (light, beside) in enumerate(begun):
-        other = yield from fitted(beside, light, number * share)
+        other = yield from fitted(beside, light, 0.1 + number * share)
         main = only
         for turn in range(1, _TURNS + 1):
-            main = yield from fitted(light, other.light, (number + turn / (_TURNS + 1)) * share)
+            main = yield from fitted(light, other.light, 0.1 + (number + turn / (_TURNS + 1)) * share)
+            if one.score - main.score < _HOPELESS:
+                break
             light = main.light
-            other = yield from fitted(other.light, light, (number + (turn + 0.5) / (_TURNS + 1)) * share)
+            other = yield from fitted(other.light, light, 0.1 + (number + (turn + 0.5) / (_TURNS + 1)) * share)
         best = min(best or (main, other), (main, other), key=lambda pair: pair[1].score)
-    if best is None:
-        return None, considered(0.0)
+    assert best is not None
     main, other = best
-    alone = fit_light(here.problem(sight, count, rays), only.light, iterations=3)
-    one = yield from watched(alone, 0.9, 1.0, message)
     gain = one.score - other.score
-    if gain < _GAIN:
+    samples = first(here.samples, count)
+    level = float(np.average(brightness(samples), weights=samples.weight))
+    explained = np.average(one.residual**2 - other.residual**2, weights=samples.weight)
+    if gain < _GAIN or explained < (_MUCH * level) ** 2:
         return None, considered(gain)
     falls = other.around[-1] * here.beside(sight, main.light, rays).others.mean()
+    beside_main = here.beside(sight, main.light, rays).problem(sight, count, rays)
+    beside_other = here.beside(sight, other.light, rays).problem(sight, count, rays)
+    main, other = with_covariance(beside_other, main), with_covariance(beside_main, other)
     pair = (main, other) if falls > other.shading.mean() else (other, main)
     return Pair(*pair, other.score), considered(gain)
 

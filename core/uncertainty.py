@@ -22,32 +22,34 @@ def uncertainty_of(fit: LightFit, reach: float) -> Uncertainty:
     normal, which are more than one number, the deviation is that of one number with the same 90 % interval: a ball
     about the centre, a cone about the normal.
     """
-    deviation = np.sqrt(np.maximum(np.diag(fit.covariance), 0.0))
+    covariance = fit.covariance
+    assert covariance is not None, "only `with_covariance` says how sure a fit is"
+    deviation = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     match fit.light:
         case AreaLight() as light:
             # energy = pi * radiance * side * side
             by_energy = np.concatenate([np.zeros(6), np.ones(3)])
-            energy = float(np.sqrt(max(by_energy @ fit.covariance @ by_energy, 0.0)))
+            energy = float(np.sqrt(max(by_energy @ covariance @ by_energy, 0.0)))
             frame = np.stack([light.u, light.v, np.cross(light.u, light.v)])
             return Uncertainty(
-                centre=reach * radius(fit.covariance[:3, :3]),
-                normal=radius(fit.covariance[3:5, 3:5]),
+                centre=reach * radius(covariance[:3, :3]),
+                normal=radius(covariance[3:5, 3:5]),
                 log_size=deviation[6:8],
                 log_energy=energy,
-                weakest=_weakest(light, fit.covariance, energy),
-                axes=reach * _axes(fit.covariance[:3, :3]) @ frame,
+                weakest=_weakest(light, covariance, energy),
+                axes=reach * _axes(covariance[:3, :3]) @ frame,
             )
         case PointLight():
             return Uncertainty(
-                centre=reach * radius(fit.covariance[:3, :3]),
+                centre=reach * radius(covariance[:3, :3]),
                 normal=0.0,
                 log_size=np.zeros(2),
                 log_energy=float(deviation[-1]),
                 weakest="its distance" if deviation[:3].max() > deviation[-1] else "its strength",
-                axes=reach * _axes(fit.covariance[:3, :3]),
+                axes=reach * _axes(covariance[:3, :3]),
             )
         case SunLight():
-            angle = radius(fit.covariance[:2, :2])
+            angle = radius(covariance[:2, :2])
             return Uncertainty(0.0, angle, np.zeros(2), float(deviation[-1]), "its strength")
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from core.light_covariance import covariance, information, patches
-from core.light_fit import fit_light
+from core.light_fit import fit_light, with_covariance
 from core.light_problem import Problem, brightness
 from core.lights import reach_of
 from core.progress import drain
@@ -77,7 +77,7 @@ def test_intervals_hold_the_truth_where_the_fit_had_few_shadow_rays(ball):
         middle, extent = extent_of(samples)
         nothing = np.zeros((len(samples), 0))
         problem = Problem(samples, brightness(samples), ball.visible, 8, 60 * extent, middle, lambda _: True, nothing)
-        fit = drain(fit_light(problem, true, iterations=6))
+        fit = with_covariance(problem, drain(fit_light(problem, true, iterations=6)))
         reach = reach_of(fit.light, middle)
         sure = uncertainty_of(fit, reach)
         held.append(np.linalg.norm(fit.light.centre - true.centre) <= INTERVAL * sure.centre)

@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from core.light_covariance import CELLS, covariance, patches
-from core.light_fit import fit_light
+from core.light_fit import fit_light, with_covariance
 from core.light_problem import (
     Problem,
     brightness,
@@ -138,7 +138,7 @@ def test_ninety_percent_intervals_hold_the_truth_about_so_often(ball):
     held = []
     for seed in range(60):
         problem = unshadowed(ball, true, noise=0.002, seed=seed, with_ambient=False)
-        fit = drain(fit_light(problem, true, iterations=15, tolerance=1e-6))
+        fit = with_covariance(problem, drain(fit_light(problem, true, iterations=15, tolerance=1e-6)))
         step = off(fit.light, true)
         step[:3] /= reach_of(fit.light, problem.middle)
         held.append(np.abs(step) <= 1.6449 * np.sqrt(np.diag(fit.covariance)[:8]))

@@ -86,7 +86,7 @@ def test_what_the_photo_does_not_show_is_lit_by_its_surroundings():
     def visible(start, target):
         return np.ones(len(start), dtype=bool)
 
-    bounces = Bounces(around, falling(around, [light], visible, 100.0), 1 / STRENGTH)
+    bounces = Bounces(around, falling(around, [light], visible, 100.0), 1 / STRENGTH, told=True)
     lit = direct[:, None]
     steps = solve_materials(seen, [light], lit, np.ones_like(lit), with_ambient=False, bounces=bounces, rounds=0)
     found, _ = absolute(drain(steps))
