@@ -42,9 +42,7 @@ class LightFit:
     shading: Array  # (N,) of a unit light, shadows included
     loss: float  # mean soft-L1 loss in units of `expected`
     score: float  # mean negative log likelihood: unlike the loss, comparable between fits to the same samples
-    covariance: (
-        Array | None
-    )  # (P + 1, P + 1) of the light's coordinates and log strength: `with_covariance`
+    covariance: Array | None  # (P + 1, P + 1) of the light's coordinates and log strength: `with_covariance`
     iterations: int
     converged: bool
 
