@@ -170,7 +170,9 @@ def bound(made: Shot, samples: Samples, middle: Array) -> Array:
     combine = np.zeros((9, scaled.shape[2]))
     combine[:8, :8] = np.eye(8)
     combine[8, 8 : 8 + surfaces] = np.bincount(samples.surface, minlength=surfaces) / len(samples)
-    return np.sqrt(np.diag(combine @ covariance @ combine.T))
+    # Where a photo shows next to nothing of a coordinate, the rays' noise may leave less than that: no bound.
+    square = np.diag(combine @ covariance @ combine.T)
+    return np.sqrt(np.where(square > 0, square, np.inf))
 
 
 def show(results: list[dict]) -> int:
@@ -184,7 +186,7 @@ def show(results: list[dict]) -> int:
         values = [one[name] for one in good]
         print(f"{name.split('_')[0]}: median {np.median(values):.3f}, worst {max(values):.3f} {unit}")
     within = True
-    bounded = [one for one in good if "bound" in one]
+    bounded = [one for one in good if "bound" in one and np.isfinite(one["bound"]).all()]
     if bounded:
         ratio = np.array([one["error"] for one in bounded]) / np.array([one["bound"] for one in bounded])
         print("\n| coordinate | bound, median | RMS of error / bound | median of the same |\n| --- | --- | --- | --- |")
