@@ -137,7 +137,7 @@ def result_of(problem: Problem, state: State, iterations: int, converged: bool) 
 def with_covariance(problem: Problem, fit: LightFit) -> LightFit:
     """A fit to `problem` with how sure it is, which takes as long to say as some steps of the fit."""
     state = problem.state(fit.light, np.log(np.maximum(fit.strength, _LEAST_STRENGTH)), fit.around, 1.0)
-    sure = covariance(problem, state, fit.expected)
+    sure = covariance(problem, state, expected_residual(problem, state))
     # One overall log strength: the mean over the samples, each of its own surface.
     size, surfaces = coordinates(fit.light), len(fit.strength)
     combine = np.zeros((size + 1, len(sure)))

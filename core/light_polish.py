@@ -21,6 +21,7 @@ from .types import Light, Progress, Samples
 from .visibility import settled
 
 _LAST_RAYS, _SLOPE_RAYS = 512, 128  # of the last steps: less noise than 1 % of what a penumbra shows
+_LAST_SAMPLES = 4000  # half of them in penumbrae: their rays are what takes time
 _BOUNCE_ROUNDS = 2  # of what the photo does not show, by the light found
 _PENUMBRA_MARGIN = 0.02  # of the light's distance: how far round a penumbra pixels are asked too
 _GRAZING = 0.2  # cosine
@@ -44,7 +45,7 @@ def polished(
         steps = _polish(here.problem(sight, len(here.samples), rays), fit.light, effort)
         fit = yield from watched(steps, 0.4 + 0.15 * turn, 0.55 + 0.15 * turn, message)
     if effort.last_steps:
-        problem = here.problem(sight, len(here.samples), _LAST_RAYS)
+        problem = here.problem(sight, min(len(here.samples), _LAST_SAMPLES), _LAST_RAYS)
         last = refined(problem, fit, iterations=effort.last_steps, slope_rays=_SLOPE_RAYS)
         fit = yield from watched(last, 0.7, 1.0, "Asking penumbrae with more rays")
     return with_covariance(here.problem(sight, len(here.samples), rays), fit), here
