@@ -23,13 +23,13 @@ from pathlib import Path
 
 import numpy as np
 
-from ..core.light_search import Searched, search
-from ..core.lights import moved, reach_of, shading_gradient
+from ..core.light.search import Searched, search
+from ..core.light.sight import look
+from ..core.light.uncertainty import INTERVAL, uncertainty_of
 from ..core.pipeline import EFFORTS
 from ..core.progress import drain
-from ..core.sight import look
+from ..core.radiance.lights import moved, reach_of, shading_gradient
 from ..core.types import AreaLight, Array, Photo, Samples
-from ..core.uncertainty import INTERVAL, uncertainty_of
 from .calibration_scene import AIM, Noise, Shot, deviation, percent, sensor, shot, true_share
 
 KEPT = Path(__file__).resolve().parent.parent / "out" / "calibration"

@@ -12,11 +12,11 @@ import numpy as np
 
 from ..core.camera import pixel_centres, rays
 from ..core.color import linear_to_srgb, srgb_to_linear
-from ..core.lights import across, facing, reach_of, shading
-from ..core.samples import choose_samples, extent_of, subset
-from ..core.starts import in_view
+from ..core.light.starts import in_view
+from ..core.photo.samples import choose_samples, extent_of, subset
+from ..core.radiance.lights import across, facing, reach_of, shading
+from ..core.radiance.visibility import openness, settled, visible_fraction
 from ..core.types import AreaLight, Array, Buffers, Camera, Mask, Photo, Samples
-from ..core.visibility import openness, settled, visible_fraction
 
 HALF = 1.2  # side of the table
 AIM = np.array([0.0, 0.0, 0.2])  # what lights are about

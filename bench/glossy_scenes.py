@@ -19,8 +19,8 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from ..core.form_factor import form_factor
-from ..core.lights import across, facing
+from ..core.radiance.form_factor import form_factor
+from ..core.radiance.lights import across, facing
 from ..core.types import AreaLight, Array, Camera
 from ..demo_blend import scene as blender
 from ..reshade_addon.photo_io import write_picture

@@ -13,9 +13,9 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from ..core.lights import strength_of, with_strength
-from ..core.materials import Card
+from ..core.materials.solve import Card
 from ..core.progress import drain
+from ..core.radiance.lights import strength_of, with_strength
 from ..core.types import Array
 from ..reshade_addon import register, solving, unregister
 from ..reshade_addon.blend_file import open_blend

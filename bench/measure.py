@@ -18,11 +18,11 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
-from ..core.light_problem import Problem, State, brightness, model_jacobian
-from ..core.lights import shading, strength_of
+from ..core.light.problem import Problem, State, brightness, model_jacobian
+from ..core.photo.samples import choose_samples, extent_of
 from ..core.pipeline import solve
 from ..core.progress import drain
-from ..core.samples import choose_samples, extent_of
+from ..core.radiance.lights import shading, strength_of
 from ..core.types import AreaLight, Array, Buffers, Estimate, Light, Photo, SunLight
 from ..reshade_addon import photo_image, register, solving, unregister
 from ..reshade_addon.blend_file import open_blend

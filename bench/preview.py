@@ -15,9 +15,9 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from ..core.lights import facing, strength_of, with_strength
-from ..core.preview import Preview
 from ..core.progress import drain
+from ..core.radiance.lights import facing, strength_of, with_strength
+from ..core.reshading.preview import Preview
 from ..core.types import AreaLight, Array, Light
 from ..reshade_addon import register, unregister
 from ..reshade_addon.blend_file import open_blend

@@ -19,8 +19,8 @@ import numpy as np
 from mathutils import Matrix
 
 from ..core.color import linear_to_srgb
-from ..core.lights import with_strength
 from ..core.progress import drain
+from ..core.radiance.lights import with_strength
 from ..core.types import Array
 from ..demo_blend import scene as blender
 from ..reshade_addon import photo_image, register, solving, unregister

@@ -22,8 +22,8 @@ import numpy as np
 
 from ..core.camera import project
 from ..core.color import linear_to_srgb
-from ..core.lights import across, facing, shading, strength_of, with_strength
 from ..core.progress import drain
+from ..core.radiance.lights import across, facing, shading, strength_of, with_strength
 from ..core.types import AreaLight, Array, Camera, Light, SunLight
 from ..demo_blend import scene as blender
 from ..reshade_addon.photo_io import write_encoded, write_picture

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..core.light_search import SOLVERS
+from ..core.light.search import SOLVERS
 from .teapot_target import drain, errors, problem_of, read_target, starts
 
 CLOSE = {"centre_pct": 2.0, "normal_deg": 2.0, "power_pct": 2.0}

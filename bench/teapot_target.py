@@ -21,12 +21,12 @@ from typing import Any
 
 import numpy as np
 
-from ..core.light_fit import LightFit
-from ..core.light_problem import Problem, brightness
-from ..core.light_search import SOLVERS
-from ..core.lights import shading
+from ..core.light.fit import LightFit
+from ..core.light.problem import Problem, brightness
+from ..core.light.search import SOLVERS
+from ..core.radiance.lights import shading
+from ..core.radiance.visibility import visible_fraction
 from ..core.types import AreaLight, Array, Mask, Samples, Visible
-from ..core.visibility import visible_fraction
 from ..demo_blend.teapot import SCALE, bezier_teapot
 from ..reshade_addon.geometry import RayCaster, SceneGeometry
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from ..core.camera import pixel_centres, rays
-from ..core.light_search import MODELS
+from ..core.light.search import MODELS
 from ..core.pipeline import estimate
 from ..core.progress import drain
 from ..core.types import Array, Buffers, Camera, Light, Mask, Photo, SunLight

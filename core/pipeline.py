@@ -11,16 +11,18 @@ from dataclasses import replace
 import numpy as np
 
 from .color import linear_to_srgb
-from .hints import Hint
-from .light_polish import polished
-from .light_search import search
-from .lights import reach_of, shading, with_strength
-from .materials import Bounces, Card, Materials, absolute, falling, in_regions, solve_materials
-from .noise import noise_of
+from .light.hints import Hint
+from .light.polish import polished
+from .light.search import search
+from .light.sight import Asked, Effort, Sight, asked, look
+from .light.uncertainty import uncertainty_of
+from .materials.radiometric import SCALE, left_over
+from .materials.solve import Bounces, Card, Materials, absolute, falling, in_regions, solve_materials
+from .photo.noise import noise_of
+from .photo.segmentation import at_samples, cut, whole
 from .progress import shifted
-from .radiometric import SCALE, left_over
-from .segmentation import at_samples, cut, whole
-from .sight import Asked, Effort, Sight, asked, look
+from .radiance.lights import reach_of, shading, with_strength
+from .radiance.visibility import visible_fraction
 from .types import (
     AreaLight,
     Buffers,
@@ -37,8 +39,6 @@ from .types import (
     Uncertainty,
     Visible,
 )
-from .uncertainty import uncertainty_of
-from .visibility import visible_fraction
 
 _BOUNCE_GAIN = 0.05  # of the logarithm of what is left over: interreflection that explains less is left out
 _GLOSS_ROUNDS = 2  # of light and gloss in turn

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from .light_units import power_from_intensity, power_from_radiance
+from .radiance.light_units import power_from_intensity, power_from_radiance
 from .types import AreaLight, Array, Estimate, Light, PointLight, SunLight, Surface, Uncertainty
 
 SCHEMA = 1

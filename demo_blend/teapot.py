@@ -26,8 +26,8 @@ from numpy.typing import NDArray
 
 from ..core import camera as pinhole
 from ..core.color import linear_to_srgb
-from ..core.light_units import energy_and_color, power_from_radiance
 from ..core.progress import drain
+from ..core.radiance.light_units import energy_and_color, power_from_radiance
 from ..core.types import AreaLight, Camera
 from ..reshade_addon.photo_io import write_picture
 from ..reshade_addon.rendering import render

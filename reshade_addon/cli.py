@@ -17,8 +17,8 @@ import bpy
 import numpy as np
 
 from ..core.errors import ReshadeError
-from ..core.hints import FORMS, parse
-from ..core.materials import Card
+from ..core.light.hints import FORMS, parse
+from ..core.materials.solve import Card
 from ..core.progress import drain
 from ..core.types import AreaLight, Photo, Progress
 from . import dehighlight, paint, photo_image, photo_io, reference, scene_write, solving

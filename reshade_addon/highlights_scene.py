@@ -13,8 +13,8 @@ from ..core.highlights.fragments import Fragments
 from ..core.highlights.products import SEEN, Split
 from ..core.highlights.with_scene import SceneSplit, split_with_scene
 from ..core.progress import shifted
+from ..core.radiance.visibility import openness, visible_fraction
 from ..core.types import Array, Light, Photo, Progress, Samples
-from ..core.visibility import openness, visible_fraction
 from . import reference
 from .render_depsgraph import with_render_depsgraph
 from .scene_read import SceneView, cast, check_aspect, read_buffers, read_light, read_view

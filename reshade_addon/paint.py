@@ -1,4 +1,4 @@
-"""Lights, or surfaces' colours, that make the photo look as an artist has painted it; see `core.painting`."""
+"""Lights, or surfaces' colours, that make the photo look as an artist has painted it; see `core.materials.painting`."""
 
 from collections.abc import Generator
 from dataclasses import dataclass
@@ -7,9 +7,9 @@ import bpy
 import numpy as np
 
 from ..core.errors import ReshadeError
-from ..core.lights import strength_of, with_strength
-from ..core.painting import interest, painted_on, solve_albedo, solve_strengths
-from ..core.reshade import gain_of
+from ..core.materials.painting import interest, painted_on, solve_albedo, solve_strengths
+from ..core.radiance.lights import strength_of, with_strength
+from ..core.reshading.change import gain_of
 from ..core.types import Array, Light, Mask, Photo, Progress
 from .previewing import Lighting, Live, begin, read_lighting, shining
 from .scene_write import colour_socket, set_strength

@@ -6,7 +6,7 @@ from typing import Any
 
 import bpy
 
-from ..core.uncertainty import plain
+from ..core.light.uncertainty import plain
 from . import missing
 from .operators import (
     RESHADE_OT_estimate_light,

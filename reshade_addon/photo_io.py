@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from ..core.color import linear_to_srgb, srgb_to_linear
 from ..core.errors import NothingToLearn, ReshadeError
-from ..core.sensor import clipping_mask
+from ..core.photo.sensor import clipping_mask
 from ..core.types import Array, Photo
 
 READABLE = (".png", ".jpg", ".jpeg", ".exr", ".tif", ".tiff", ".hdr", ".bmp", ".webp", ".tga")

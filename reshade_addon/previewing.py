@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import bpy
 import numpy as np
 
-from ..core.preview import Preview
-from ..core.reshade import combine
+from ..core.reshading.change import combine
+from ..core.reshading.preview import Preview
 from ..core.types import Array, Light, Photo, Progress
 from . import reference
 from .scene_read import read_buffers, read_light, read_view

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ..core import camera as pinhole
 from ..core.errors import ReshadeError
 from ..core.progress import shifted
-from ..core.reshade import combine, edited, uncertain
+from ..core.reshading.change import combine, edited, uncertain
 from ..core.types import Array, Camera, Photo, Progress
 from . import reference
 from .geometry import RayCaster, SceneGeometry
@@ -42,8 +42,8 @@ def reshade_layers(scene: bpy.types.Scene, photo: Photo, samples: int) -> Genera
 
     Reshaded : the photo as `reshade` gives it. Photo : as it was. Change : what is added to it.
     Albedo, Shading, Specular : of the scene as it is now; albedo times shading, and specular, make its render.
-    Edited : what changed as far as can be seen. Uncertain : see `core.reshade.uncertain`. Covered : the share of each
-    pixel that shows an object the photo does not, or no longer the one it does.
+    Edited : what changed as far as can be seen. Uncertain : see `change.uncertain`. Covered : the share of each pixel
+    that shows an object the photo does not, or no longer the one it does.
 
     Raises ReshadeError as `reshade` does.
     """

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ..core import camera as pinhole
 from ..core.errors import ReshadeError
-from ..core.light_units import emission, intensity_from_power, radiance_from_power
+from ..core.radiance.light_units import emission, intensity_from_power, radiance_from_power
 from ..core.types import AreaLight, Array, Buffers, Camera, Hits, Light, Mask, Meets, PointLight, Progress, SunLight
 from .geometry import RayCaster, SceneGeometry, read_geometry
 from .render_depsgraph import with_render_depsgraph

@@ -7,9 +7,9 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
-from ..core.gloss import INDEX
-from ..core.light_units import energy_and_color, power_from_intensity, power_from_radiance
-from ..core.reflectance import coat_index
+from ..core.materials.gloss import INDEX
+from ..core.radiance.light_units import energy_and_color, power_from_intensity, power_from_radiance
+from ..core.radiance.reflectance import coat_index
 from ..core.types import AreaLight, Array, Light, PointLight, SunLight, Surface
 from .projection import add_projection
 

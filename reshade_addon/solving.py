@@ -10,8 +10,8 @@ import bpy
 import numpy as np
 
 from ..core.errors import NothingToLearn, ReshadeError
-from ..core.hints import Hint
-from ..core.materials import Card
+from ..core.light.hints import Hint
+from ..core.materials.solve import Card
 from ..core.pipeline import estimate, solve
 from ..core.progress import shifted
 from ..core.report import to_dict

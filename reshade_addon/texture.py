@@ -7,7 +7,7 @@ import bpy
 import numpy as np
 from scipy import ndimage
 
-from ..core.albedo_map import albedo_map, around
+from ..core.materials.albedo_map import albedo_map, around
 from ..core.types import Array, Buffers, Mask, Photo, Progress, Surface
 from . import scene_write
 from .render_depsgraph import settings

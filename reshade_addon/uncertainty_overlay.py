@@ -11,8 +11,8 @@ import bpy
 import numpy as np
 from mathutils import Vector
 
+from ..core.light.uncertainty import outline
 from ..core.types import AreaLight, Array, Light, PointLight, SunLight, Uncertainty
-from ..core.uncertainty import outline
 
 COLOURS = {"centre": (1.0, 0.55, 0.1, 1.0), "normal": (0.25, 0.75, 1.0, 0.9), "sides": (0.55, 1.0, 0.35, 1.0)}
 BEHIND = 0.35  # of the opacity, where geometry is in the way

@@ -7,8 +7,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from ..lights import shading, strength_of
-from ..reflectance import coat, coat_index, directional_albedo
+from ..radiance.lights import shading, strength_of
+from ..radiance.reflectance import coat, coat_index, directional_albedo
 from ..types import Array, Light
 from .lobes import MOST_NODES, lobes
 

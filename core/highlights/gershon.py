@@ -10,7 +10,8 @@ from collections.abc import Generator
 import numpy as np
 
 from ..types import Array, Mask, Progress
-from .klinker import BRANCH, fit_lines, project
+from .dichromatic_lines import BRANCH, fit_lines
+from .klinker import project
 from .products import Split
 from .regions import regions
 

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..fresnel import dielectric
+from ..radiance.fresnel import dielectric
 from ..types import AreaLight, Array, Light, PointLight, SunLight
 
 MOST_NODES = 40  # along each side of a light

@@ -10,6 +10,7 @@ import itertools
 import numpy as np
 
 from ..types import Array
+from .dichromatic_lines import fit_lines
 
 ROUGHNESS = (0.04, 0.08, 0.12, 0.2)  # radians, of the facets' slopes
 PHASE = (0.0, 0.35, 0.7, 1.1)  # radians between light and view
@@ -34,9 +35,7 @@ def correction(angle: float, length: float, width: float, start: float) -> float
 
 
 def table() -> tuple[Array, Array]:
-    """Measures (K, 4) of simulated highlight clusters as `klinker.fit_lines` takes them, and their skews (K,)."""
-    from .klinker import fit_lines
-
+    """Measures (K, 4) of simulated highlight clusters as `fit_lines` takes them, and their skews (K,)."""
     measured, skew = [], []
     for roughness, phase, strength, angle in itertools.product(ROUGHNESS, PHASE, STRENGTH, ANGLE):
         diffuse, specular = sphere(roughness, phase, strength)

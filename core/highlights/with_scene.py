@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import ndimage
 
-from ..lights import strength_of
+from ..radiance.lights import strength_of
 from ..types import Array, Light, Mask, Photo, Progress
 from .clipping import clipped_channels, continued
 from .fragments import Fragments, coat_light, diffuse_light

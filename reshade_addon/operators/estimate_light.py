@@ -4,7 +4,7 @@ from collections.abc import Generator
 
 import bpy
 
-from ...core.hints import parse
+from ...core.light.hints import parse
 from ...core.types import Progress
 from .. import missing, solving
 from ..jobs import Job

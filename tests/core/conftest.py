@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from core.camera import pixel_centres, rays
-from core.form_factor import form_factor
+from core.radiance.form_factor import form_factor
 from core.types import AreaLight, Buffers, Camera, Hits, Photo
 
 hypothesis.settings.register_profile("repeatable", derandomize=True, deadline=None)

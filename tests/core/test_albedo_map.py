@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from core.albedo_map import albedo_map, around
-from core.noise import noise_of
+from core.materials.albedo_map import albedo_map, around
+from core.photo.noise import noise_of
 from core.types import Photo
 
 

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from core.form_factor import form_factor, form_factor_gradient
+from core.radiance.form_factor import form_factor, form_factor_gradient
 from core.types import AreaLight
 
 X, Y, Z = np.eye(3)

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from core.fresnel import (
+from core.radiance.fresnel import (
     conductor,
     dielectric,
     index_of_reflectance,

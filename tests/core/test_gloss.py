@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from core.gloss import (
+from core.materials.gloss import (
     INDEX,
     MATT,
     MODELS,
@@ -17,11 +17,11 @@ from core.gloss import (
     response_of,
     specular_term,
 )
-from core.lights import facing, shading
-from core.materials import solve_materials
+from core.materials.solve import solve_materials
+from core.photo.samples import subset
 from core.progress import drain
-from core.reflectance import coat_albedo, coat_index
-from core.samples import subset
+from core.radiance.lights import facing, shading
+from core.radiance.reflectance import coat_albedo, coat_index
 from core.types import PointLight, Samples, SunLight
 
 ALBEDO = np.array([[0.8, 0.5, 0.3], [0.3, 0.4, 0.5]])

@@ -5,8 +5,8 @@ import pytest
 
 from core.highlights import METHODS, split
 from core.highlights.brelstaff import contrast, cylinder, detect, retinex
+from core.highlights.dichromatic_lines import fit_lines
 from core.highlights.gershon import STANDARD, light_of
-from core.highlights.klinker import fit_lines
 from core.highlights.klinker import light_of as light_of_lines
 from core.highlights.lee import convergence, smoothness_factors
 from core.highlights.skew import correction, sphere

@@ -10,10 +10,10 @@ from core.highlights.albedo_likelihood import Bands, Likelihood, Tones
 from core.highlights.fragments import Fragments, diffuse_light
 from core.highlights.lobes import lobes
 from core.highlights.with_scene import split_with_scene
-from core.lights import facing, with_strength
 from core.progress import drain
-from core.reflectance import coat, coat_albedo, coat_index
-from core.specular_area import reflected
+from core.radiance.lights import facing, with_strength
+from core.radiance.reflectance import coat, coat_albedo, coat_index
+from core.radiance.specular_area import reflected
 from core.types import Photo, PointLight, SunLight
 
 SIDE = 48

@@ -5,9 +5,9 @@ import pytest
 
 from core.camera import project
 from core.errors import ReshadeError
-from core.hints import hinted_lines, parse, turned
-from core.lights import facing
+from core.light.hints import hinted_lines, parse, turned
 from core.pipeline import estimate
+from core.radiance.lights import facing
 
 MIDDLE = np.array([0.0, 0.0, 0.3])
 

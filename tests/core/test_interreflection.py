@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from core.interreflection import gather, patch_radiance, usual_radiance
-from core.light_units import intensity_from_power
-from core.lights import shading
+from core.photo.samples import choose_samples
 from core.pipeline import estimate
 from core.progress import drain
-from core.samples import choose_samples
+from core.radiance.interreflection import gather, patch_radiance, usual_radiance
+from core.radiance.light_units import intensity_from_power
+from core.radiance.lights import shading
 from core.types import AreaLight, Buffers, Camera, Hits, Photo, PointLight, Samples
 
 RADIUS, ALBEDO = 2.0, 0.5

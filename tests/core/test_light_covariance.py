@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from core.light_covariance import covariance, information, patches
-from core.light_fit import fit_light, with_covariance
-from core.light_problem import Problem, brightness
-from core.lights import reach_of
+from core.light.covariance import covariance, information, patches
+from core.light.fit import fit_light, with_covariance
+from core.light.problem import Problem, brightness
+from core.light.uncertainty import INTERVAL, uncertainty_of
+from core.photo.samples import choose_samples, extent_of
 from core.progress import drain
-from core.samples import choose_samples, extent_of
-from core.uncertainty import INTERVAL, uncertainty_of
+from core.radiance.lights import reach_of
 
 
 def test_noise_of_the_slopes_is_no_information():

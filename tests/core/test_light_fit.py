@@ -6,18 +6,18 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from core.light_covariance import CELLS, covariance, patches
-from core.light_fit import fit_light, with_covariance
-from core.light_problem import (
+from core.light.covariance import CELLS, covariance, patches
+from core.light.fit import fit_light, with_covariance
+from core.light.problem import (
     Problem,
     brightness,
     expected_residual,
     model_jacobian,
     weighted_quantile,
 )
-from core.lights import moved, reach_of, shading
+from core.photo.samples import choose_samples, extent_of
 from core.progress import drain
-from core.samples import choose_samples, extent_of
+from core.radiance.lights import moved, reach_of, shading
 from core.types import AreaLight, Photo, PointLight, SunLight
 
 COUNT = 240

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from core.errors import ReshadeError
-from core.light_units import (
+from core.radiance.light_units import (
     emission,
     energy_and_color,
     intensity_from_power,

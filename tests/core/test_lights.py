@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from core.lights import (
+from core.radiance.lights import (
     across,
     coordinates,
     facing,

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from core.interreflection import gather
-from core.lights import shading, with_strength
-from core.materials import Bounces, absolute, falling, solve_materials
+from core.materials.solve import Bounces, absolute, falling, solve_materials
 from core.pipeline import solve, united
 from core.progress import drain
+from core.radiance.interreflection import gather
+from core.radiance.lights import shading, with_strength
 from core.report import to_dict
 from core.types import Buffers, Camera, Hits, Photo, PointLight, Samples, Surface
 

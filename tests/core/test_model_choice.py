@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from core.lights import facing, with_strength
 from core.pipeline import estimate
+from core.radiance.lights import facing, with_strength
 from core.types import AreaLight, SunLight
 
 WAY = np.array([-0.5, 0.35, 0.79]) / np.linalg.norm([-0.5, 0.35, 0.79])

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from core.painting import interest, painted_on, solve_albedo, solve_strengths
+from core.materials.painting import interest, painted_on, solve_albedo, solve_strengths
 
 RNG = np.random.default_rng(4)
 RESPONSES = RNG.uniform(0, 1, (3, 500, 3)) * RNG.uniform(0, 1, (3, 500, 1)) ** 2

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from core.lights import shading, with_strength
-from core.preview import Preview
+from core.radiance.lights import shading, with_strength
+from core.reshading.preview import Preview
 from core.types import PointLight, SunLight
 
 ALBEDO = np.array([[0.5, 0.45, 0.4], [0.8, 0.3, 0.2]])  # of the floor and the ball of `ball_scene`

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from core.radiometric import LARGEST_ALBEDO, solve_radiometry
+from core.materials.radiometric import LARGEST_ALBEDO, solve_radiometry
 from core.types import Samples
 
 

@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from core.light_fit import fit_light
-from core.light_problem import Problem, brightness
-from core.lights import moved, reach_of
+from core.light.fit import fit_light
+from core.light.problem import Problem, brightness
+from core.light.refinement import refined
+from core.photo.samples import choose_samples, extent_of
 from core.progress import drain
-from core.refinement import refined
-from core.samples import choose_samples, extent_of
+from core.radiance.lights import moved, reach_of
 
 
 def problem_of(scene, photo, rays, count=700):

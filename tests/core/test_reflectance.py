@@ -6,8 +6,8 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from core.fresnel import conductor, dielectric
-from core.reflectance import (
+from core.radiance.fresnel import conductor, dielectric
+from core.radiance.reflectance import (
     beckmann,
     coat_albedo,
     coat_index,

@@ -5,9 +5,9 @@ import json
 import numpy as np
 import pytest
 
+from core.light.uncertainty import plain
 from core.report import to_dict
 from core.types import AreaLight, Candidate, Estimate, PointLight, SunLight, Surface, Uncertainty
-from core.uncertainty import plain
 
 AREA = AreaLight(np.array([1.0, 2, 3]), np.eye(3)[0], np.eye(3)[1], np.array([0.5, 0.2]), np.array([4.0, 3.0, 2.0]))
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from core.reshade import combine
+from core.reshading.change import combine
 
 RNG = np.random.default_rng(0)
 WAS = RNG.uniform(0.2, 0.8, size=(12, 16, 3))

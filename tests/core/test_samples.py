@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from core.errors import NothingToLearn
-from core.samples import choose_samples, extent_of, first
+from core.photo.samples import choose_samples, extent_of, first
 
 
 @pytest.fixture

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from core.segmentation import at_samples, by_albedo, by_hue, cut, in_segments, segments, whole
+from core.photo.segmentation import at_samples, by_albedo, by_hue, cut, in_segments, segments, whole
 from core.types import Buffers, Photo, Samples
 
 HEIGHT, WIDTH = 60, 80

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from core.sensor import (
+from core.photo.sensor import (
     clipping_mask,
     falloff,
     image_irradiance,

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from core.form_factor import form_factor
-from core.reflectance import beckmann, ggx, lambert, phong, torrance_sparrow
-from core.specular_area import phong_exact, reflected
+from core.radiance.form_factor import form_factor
+from core.radiance.reflectance import beckmann, ggx, lambert, phong, torrance_sparrow
+from core.radiance.specular_area import phong_exact, reflected
 from core.types import AreaLight
 
 

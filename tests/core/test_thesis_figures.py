@@ -10,9 +10,9 @@ The thesis's source is 2 l by 2 w. Only figure 4.6 gives its size (l = 10, w = 2
 import numpy as np
 import pytest
 
-from core.form_factor import form_factor, form_factor_gradient
-from core.reflectance import phong, plausible_phong
-from core.specular_area import phong_exact, reflected
+from core.radiance.form_factor import form_factor, form_factor_gradient
+from core.radiance.reflectance import phong, plausible_phong
+from core.radiance.specular_area import phong_exact, reflected
 from core.types import AreaLight
 
 X, Y, Z = np.eye(3)

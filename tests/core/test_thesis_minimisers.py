@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from core.light_fit import fit_light
-from core.light_problem import Problem, cost, expected_residual
-from core.light_search import SOLVERS
-from core.lights import shading
+from core.light.fit import fit_light
+from core.light.problem import Problem, cost, expected_residual
+from core.light.search import SOLVERS
+from core.light.thesis_minimisers import Chart, fit_light_bfgs, fit_light_powell
+from core.photo.samples import choose_samples, extent_of
 from core.pipeline import estimate
 from core.progress import drain
-from core.samples import choose_samples, extent_of
-from core.thesis_minimisers import Chart, fit_light_bfgs, fit_light_powell
+from core.radiance.lights import shading
 from core.types import Photo, PointLight, SunLight
 
 

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from core.light_fit import LightFit
-from core.lights import moved
+from core.light.fit import LightFit
+from core.light.uncertainty import INTERVAL, outline, radius, uncertainty_of
+from core.radiance.lights import moved
 from core.types import AreaLight, PointLight, SunLight, Uncertainty
-from core.uncertainty import INTERVAL, outline, radius, uncertainty_of
 
 LIGHT = AreaLight(np.array([1.0, 2.0, 3.0]), np.eye(3)[0], np.eye(3)[1], np.array([0.5, 0.2]), np.ones(3))
 SURE = Uncertainty(0.1, np.radians(3), np.array([0.1, 0.4]), 0.1, "", np.diag([0.01, 0.02, 0.05]))

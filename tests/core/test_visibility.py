@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from core.lights import facing
-from core.samples import choose_samples
+from core.photo.samples import choose_samples
+from core.radiance.lights import facing
+from core.radiance.visibility import openness, pattern, settled, visible_fraction
 from core.types import PointLight, Samples, SunLight
-from core.visibility import openness, pattern, settled, visible_fraction
 
 
 def floor_samples(points, lift=1e-9):

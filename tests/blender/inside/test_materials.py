@@ -26,7 +26,7 @@ def glossy(tabletop, lamp, load, drain):
 
 @pytest.fixture
 def card(load):
-    return lambda name, albedo: load("core.materials").Card(name, np.array(albedo))
+    return lambda name, albedo: load("core.materials.solve").Card(name, np.array(albedo))
 
 
 def test_gloss_and_albedo_under_the_true_light(glossy, load, drain, card):
@@ -72,7 +72,7 @@ def test_the_card_must_be_in_the_photo(glossy, load, drain, card):
 def test_a_phong_highlight_looks_the_same_in_cycles_once_converted(glossy, lamp, load, drain):
     """As bright and as large, but for the lobes' shapes, and for what Fresnel adds to one that is converted head on."""
     scene, _ = glossy
-    gloss, core = load("core.gloss"), load("core.lights")
+    gloss, core = load("core.materials.gloss"), load("core.radiance.lights")
     given = gloss.Gloss(0.03, 0.3, "phong")
     same = gloss.converted(given, "principled")
     write, types = load("reshade_addon.scene_write"), load("core.types")
@@ -85,8 +85,8 @@ def test_a_phong_highlight_looks_the_same_in_cycles_once_converted(glossy, lamp,
     reading = load("reshade_addon.scene_read")
     view = reading.read_view(scene, (192, 144))
     buffers = drain(reading.read_buffers(view))
-    seen = load("core.preview").Preview(buffers, view.caster.visible, view.camera.to_world[:3, 3]).samples
-    ball = load("core.samples").subset(seen, seen.surface == buffers.names.index("Ball"))
+    seen = load("core.reshading.preview").Preview(buffers, view.caster.visible, view.camera.to_world[:3, 3]).samples
+    ball = load("core.photo.samples").subset(seen, seen.surface == buffers.names.index("Ball"))
     unit = core.with_strength(lamp, np.ones(3))
     shade = core.shading(unit, ball.point, ball.normal)[:, None]
     lit = gloss.Lit([unit], lamp.radiance[None], shade, np.ones_like(shade), np.zeros(3))

@@ -32,7 +32,7 @@ def test_a_darker_painting_dims_the_light(explained, load, lamp):
     live = load("core.progress").drain(
         load("reshade_addon.previewing").begin(scene, load("core.types").Photo(picture, picture[..., 0] > 9))
     )
-    half = load("core.lights").with_strength(lamp, 0.5 * lamp.radiance)
+    half = load("core.radiance.lights").with_strength(lamp, 0.5 * lamp.radiance)
     now = load("reshade_addon.previewing").read_lighting(scene, live.preview.samples.names, bpy.data.materials)
     dimmed = live.preview.picture([half], now.ambient, now.albedo)
     wished = np.maximum(picture + np.where(live.preview.hit[..., None], dimmed - live.was, 0.0), 0.0)

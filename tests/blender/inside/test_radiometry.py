@@ -25,8 +25,10 @@ def core(addon) -> SimpleNamespace:
     def module(name: str) -> ModuleType:
         return importlib.import_module(f"{addon.__name__}.core.{name}")
 
-    names = ("camera", "form_factor", "light_units", "reflectance", "specular_area", "types")
-    return SimpleNamespace(**{name: module(name) for name in names})
+    radiance = ("form_factor", "light_units", "reflectance", "specular_area")
+    return SimpleNamespace(
+        camera=module("camera"), types=module("types"), **{name: module(f"radiance.{name}") for name in radiance}
+    )
 
 
 class Stage:

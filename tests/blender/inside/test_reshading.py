@@ -213,7 +213,7 @@ def test_every_edit_changes_the_photo_by_what_it_changes(explained, reshade, loa
     assert not np.array_equal(result, photo.linear)
     assert result.min() >= 0
     # Where one object is in place of another the photo has nothing to say; all else is P + dP to the last digit.
-    expected = load("core.reshade").combine(photo.linear, was, is_now, np.zeros(was.shape[:2]))
+    expected = load("core.reshading.change").combine(photo.linear, was, is_now, np.zeros(was.shape[:2]))
     elsewhere = np.abs(result - expected).max(axis=-1) < 1e-6
     shapes_changed = edit in (moving_the_ball, a_vertex, a_modifier, removing_the_box, adding_a_ball)
     assert elsewhere.mean() == 1.0 if not shapes_changed else 0.6 < elsewhere.mean() < 1.0

@@ -1,0 +1,1 @@
+"""The light, from cues to a fit and how sure it is."""

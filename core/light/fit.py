@@ -1,0 +1,147 @@
+"""Fit one light's geometry to the samples: equation 4.2 by trust-region least squares.
+
+Unknown are the light's coordinates (`lights.moved`), log c of each surface, and the ratios r >= 0 of what is around.
+Eliminating c instead (variable projection) shrinks the basin of attraction. Residuals are divided by what is expected
+of them, so a textured surface speaks softly, and enter through a soft-L1 loss, so a highlight or something unmodelled
+does not pull.
+"""
+
+from collections.abc import Generator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..radiance.lights import coordinates, moved, reach_of
+from ..types import Array, Light
+from .covariance import covariance
+from .problem import (
+    WIDEST_PROBE,
+    Problem,
+    State,
+    cost,
+    expected_residual,
+    normal_equations,
+    score,
+)
+
+_LARGEST_STEP = 0.5  # in the coordinates of `moved`
+_PROBE_UNIT = 0.02  # of a step: shadows are probed that much farther for each
+_LARGEST_LOG_STEP = 2.0  # of a strength
+_LEAST_STRENGTH = 1e-300  # whose logarithm is a number
+
+
+@dataclass(frozen=True, slots=True)
+class LightFit:
+    """A fitted light of unit strength and what surrounds it."""
+
+    light: Light
+    strength: Array  # (S,) light's strength times albedo, along each surface's mean colour; 0 where no light reaches
+    around: Array  # (K,) how much there is of each of the problem's fields
+    residual: Array  # (N,) radiance
+    expected: Array  # (N,) standard deviation of the residual as the fit weighed it
+    shading: Array  # (N,) of a unit light, shadows included
+    loss: float  # mean soft-L1 loss in units of `expected`
+    score: float  # mean negative log likelihood: unlike the loss, comparable between fits to the same samples
+    covariance: Array | None  # (P + 1, P + 1) of the light's coordinates and log strength: `with_covariance`
+    iterations: int
+    converged: bool
+
+
+def fit_light(
+    problem: Problem, start: Light, *, iterations: int, tolerance: float = 1e-4
+) -> Generator[float, None, LightFit]:
+    """Fit the light from one start; a generator that yields the mean loss after each step and returns a `LightFit`.
+
+    iterations : most steps to take; `LightFit.converged` says whether fewer were enough
+    tolerance : two steps in a row that lower the loss by less than this share of it end the fit
+    """
+    state, damping, quiet, done, converged = problem.start(start), 1e-2, 0, 0, False
+    expected = expected_residual(problem, state)
+    for done in range(1, iterations + 1):  # noqa: B007 - `done` is read after the loop
+        matrix, slope = normal_equations(problem, state, expected)
+        before = cost(problem, state, expected)
+        found = None
+        while found is None and damping < 1e6:
+            trial = _stepped(problem, state, matrix, slope, damping)
+            after = cost(problem, trial, expected)
+            if after < before and problem.hidden(trial.light):
+                found = trial
+            else:
+                damping = max(damping * 5.0, 1e-6)
+        if found is None:
+            converged = True
+            break
+        state, damping = found, max(damping * 0.2, 1e-9)
+        yield after
+        quiet = quiet + 1 if before - after < tolerance * before else 0
+        if quiet >= 2:
+            converged = True
+            break
+        expected = expected_residual(problem, state)
+    return result_of(problem, state, done, converged)
+
+
+def search_light(problem: Problem, light: Light, *, widest: float, finest: float) -> Generator[float, None, Light]:
+    """Find the light near `light` that leaves least, by compass search; a generator that yields the score it has.
+
+    widest, finest : first and last step in the coordinates of `moved`
+    A point's or a sun's shadow has a hard edge: the loss is made of small stairs, and a fit stops on the first. Steps
+    along each coordinate, halved when none is better, go down the stairs.
+    """
+
+    best, step = score(problem, problem.start(light)), widest
+    while step >= finest:
+        reach, before = reach_of(light, problem.middle), best
+        for way in np.vstack([np.eye(coordinates(light)), -np.eye(coordinates(light))]):
+            trial = moved(light, step * way, reach)
+            if problem.hidden(trial) and (there := score(problem, problem.start(trial))) < best:
+                light, best = trial, there
+        yield best
+        if best == before:
+            step *= 0.5
+    return light
+
+
+def _stepped(problem: Problem, state: State, matrix: Array, slope: Array, damping: float) -> State:
+    """The state after a damped Gauss-Newton step (Marquardt's scaling)."""
+    diagonal = np.diag(matrix) + 1e-12 * np.trace(matrix)
+    step = -np.linalg.lstsq(matrix + np.diag(damping * diagonal), slope, rcond=None)[0]
+    size = coordinates(state.light)
+    geometry = step[:size] * min(1.0, _LARGEST_STEP / max(np.abs(step[:size]).max(), 1e-300))
+    light = moved(state.light, geometry, reach_of(state.light, problem.middle))
+    rest = size + len(state.log_c)
+    log_c = state.log_c + np.clip(step[size:rest], -_LARGEST_LOG_STEP, _LARGEST_LOG_STEP)
+    around = np.maximum(state.around + step[rest:], 0.0)
+    probe = float(np.clip(np.abs(geometry).max() / _PROBE_UNIT, max(0.5 * state.probe, 1.0), WIDEST_PROBE))
+    return problem.state(light, log_c, around, probe, state.known)
+
+
+def result_of(problem: Problem, state: State, iterations: int, converged: bool) -> LightFit:
+    """Describe a state as the result of a fit."""
+    expected = expected_residual(problem, state)
+    return LightFit(
+        light=state.light,
+        strength=np.where(state.log_c > -600, np.exp(state.log_c), 0.0),
+        around=state.around,
+        residual=state.residual(problem),
+        expected=expected,
+        shading=state.shade * state.share,
+        loss=cost(problem, state, expected),
+        score=score(problem, state),
+        covariance=None,
+        iterations=iterations,
+        converged=converged,
+    )
+
+
+def with_covariance(problem: Problem, fit: LightFit) -> LightFit:
+    """A fit to `problem` with how sure it is, which takes as long to say as some steps of the fit."""
+    state = problem.state(fit.light, np.log(np.maximum(fit.strength, _LEAST_STRENGTH)), fit.around, 1.0)
+    sure = covariance(problem, state, expected_residual(problem, state))
+    # One overall log strength: the mean over the samples, each of its own surface.
+    size, surfaces = coordinates(fit.light), len(fit.strength)
+    combine = np.zeros((size + 1, len(sure)))
+    combine[:size, :size] = np.eye(size)
+    combine[size, size : size + surfaces] = np.bincount(problem.samples.surface, minlength=surfaces)
+    combine[size] /= len(problem.samples)
+    return replace(fit, covariance=combine @ sure @ combine.T)

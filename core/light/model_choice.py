@@ -1,0 +1,59 @@
+"""Which light is it: the simplest that explains the photo as well as any."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..radiance.lights import coordinates, reach_of
+from ..types import AreaLight, PointLight, SunLight
+from .fit import LightFit
+from .problem import Problem, State, score
+
+_AS_WELL = 0.05  # of negative log likelihood a sample: residuals 5 % larger are no evidence, models are never exact
+# ... unless that is much of what the photo shows: root mean square of what one light explains and another does not, of
+# the mean brightness. Over texture, even a light that is far off leaves hardly more than the right one.
+_MUCH = 0.01
+# From beyond so many extents of the scene a rectangle's distance, tilt and sides show as one gradient of a few per
+# cent, which anything unmodelled outweighs: it has to explain clearly more than a point.
+_FAR, _CLEARLY = 10.0, 0.3
+_NO_POINT = 100.0  # extents: a point as far is a sun
+_SIMPLER = (SunLight, PointLight, AreaLight)
+
+
+def criterion(fit: LightFit, problem: Problem) -> float:
+    """Bayesian information criterion on the samples of `problem`: what is left over, plus a price on each unknown."""
+    count, unknowns = len(problem.samples), coordinates(fit.light) + 1 + len(fit.strength)
+    return 2 * count * score(problem, at_rest(fit, problem)) + unknowns * float(np.log(count))
+
+
+def at_rest(fit: LightFit, problem: Problem) -> State:
+    """The state a fit ended in, on the samples of `problem`."""
+    return problem.state(fit.light, np.log(np.maximum(fit.strength, 1e-300)), fit.around, 1.0)
+
+
+def choose(fits: Sequence[LightFit], scores: Sequence[float], problem: Problem, extent: float) -> int:
+    """Choose among fits by their criteria on `problem`; returns the index.
+
+    A sun is simpler than a point and a point than a rectangle, and a simpler light that explains the photo as well is
+    taken; than a rectangle beyond ten extents of the scene, also one that explains it somewhat less well.
+    """
+    away = [0.0 if isinstance(fit.light, SunLight) else reach_of(fit.light, problem.middle) / extent for fit in fits]
+    near = [i for i in range(len(fits)) if away[i] < _NO_POINT] or list(range(len(fits)))
+    best = min(near, key=lambda i: scores[i])
+    doubtful = isinstance(fits[best].light, AreaLight) and away[best] > _FAR
+    within = 2 * (_CLEARLY if doubtful else _AS_WELL) * len(problem.samples)
+    left = [_mean_square(fit, problem) for fit in fits]
+    usual = float(np.average(problem.brightness, weights=problem.samples.weight))
+    much = np.inf if doubtful else (_MUCH * usual) ** 2
+    good = [
+        i
+        for i in near
+        if scores[i] <= scores[best] or (scores[i] <= scores[best] + within and left[i] <= left[best] + much)
+    ]
+    return min(good, key=lambda i: (_SIMPLER.index(type(fits[i].light)), scores[i]))
+
+
+def _mean_square(fit: LightFit, problem: Problem) -> float:
+    """Mean square of the residual that a fit leaves on `problem`'s samples, radiance squared."""
+    residual = at_rest(fit, problem).residual(problem)
+    return float(np.average(residual**2, weights=problem.samples.weight))

@@ -1,0 +1,270 @@
+"""What a light fit explains: equation 4.2's residual for one light, its surfaces' strengths and the light around.
+
+The residual of a sample is y - c (F V + sum_k r_k A_k): y its brightness along its surface's mean colour, c the
+strength times albedo of its surface, F the shading of a light of unit strength, V the share of the light that arrives.
+A_k are the fields of light that comes from all around, r_k >= 0 how much of each there is: of a constant ambient the
+field is the sample's openness and r the ambient's radiance over the light's strength; of interreflection the field is
+what the other surfaces send (`interreflection`) and r one over the light's strength.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..radiance.lights import farthest_apart, moved, reach_of, shading, shading_gradient
+from ..radiance.visibility import settled, visible_fraction
+from ..types import AreaLight, Array, Light, PointLight, Samples, SunLight, Visible
+
+# Smallest steps for the derivative of visibility, in the coordinates of `moved`: they move a shadow by about a pixel.
+# Sides are probed towards smaller ones: a light too large blurs all edges, and larger ones would tell it nothing.
+_VISIBILITY_STEP = {
+    AreaLight: np.array([0.02] * 3 + [0.03] * 3 + [-0.1] * 2),
+    PointLight: np.array([0.01] * 3 + [-0.3]),
+    SunLight: np.array([0.01] * 2 + [-0.3]),
+}
+_PROBED = 0.024  # of the reach, for each smallest step that a probe is wide: how far it moves a light's edges
+_LEAST_MARGIN = 0.04  # of the reach: what is known near a light serves for a few steps
+_FEW_RAYS = 8  # a sample: fewer cost less than to find out which samples need none
+WIDEST_PROBE = 5.0  # times that: as far as a shadow is looked for from where it is
+_NO_STRENGTH = 1e-300  # of a surface that the light does not reach
+_SMALLEST_SPREAD = 1e-4  # of the median brightness
+_SPREAD_ROUNDS = 30  # of the fixed point that the likeliest spread is
+_REWEIGHTED = 3  # times that a linear solution is made anew, outliers counting less
+_LOSS_SCALE = 1.5  # of the expected residual: beyond it a residual counts by its size, not its square
+
+
+# hidden(light) -> bool: is the light out of the photo, or behind what it shows? One that is not would be seen there.
+Hidden = Callable[[Light], bool]
+
+
+@dataclass(frozen=True, slots=True)
+class Known:
+    """Samples whose visible fraction is known while a light stays near a place."""
+
+    share: Array  # (N,) from `visibility.settled`, NaN where it is not known
+    light: Light
+    margin: float  # metres, or radians for a sun
+
+
+@dataclass(frozen=True, slots=True)
+class State:
+    """One set of the unknowns, and what it makes each sample look like."""
+
+    light: Light
+    log_c: Array  # (S,) strength times albedo; the logarithm keeps it positive, which the thesis does by a penalty
+    around: Array  # (K,) how much there is of each field, never negative
+    shade: Array  # (N,) unoccluded shading of a unit light
+    share: Array  # (N,) visible fraction
+    known: "Known | None"
+    probe: float  # how far shadows are probed, in smallest steps
+
+    def direct(self, samples: Samples) -> Array:
+        """Direct radiance (N,) of each sample."""
+        return np.exp(self.log_c)[samples.surface] * self.shade * self.share
+
+    def residual(self, problem: "Problem") -> Array:
+        """Photo less model (N,)."""
+        samples = problem.samples
+        model = np.exp(self.log_c)[samples.surface] * (self.shade * self.share + problem.around @ self.around)
+        return problem.brightness - model
+
+
+@dataclass(frozen=True, slots=True)
+class Problem:
+    """What stays the same during a fit."""
+
+    samples: Samples
+    brightness: Array  # (N,)
+    visible: Visible | None  # None: no shadows
+    rays: int
+    far: float
+    middle: Array  # (3,)
+    hidden: Hidden
+    around: Array  # (N, K) fields of the light around, K may be 0
+
+    def known(self, light: Light, probe: float, before: Known | None) -> Known | None:
+        """Samples whose visible fraction is known wherever a probe may move `light` to.
+
+        before : is kept while it still says enough. None where asking would cost more than it saves.
+        """
+        if self.visible is None or self.rays < _FEW_RAYS:
+            return None
+        reach = reach_of(light, self.middle)
+        needed = _PROBED * probe * reach
+        if before is not None and farthest_apart(before.light, light) + needed <= before.margin:
+            return before
+        margin = max(_LEAST_MARGIN * reach, needed)
+        return Known(settled(light, self.samples, self.visible, self.far, margin), light, margin)
+
+    def share(self, light: Light, known: Known | None) -> Array:
+        """Visible fraction (N,)."""
+        if self.visible is None:
+            return np.ones(len(self.samples))
+        return visible_fraction(light, self.samples, self.visible, self.rays, self.far, known.share if known else None)
+
+    def start(self, light: Light) -> State:
+        """The state of a light whose strengths and ambient are not known yet: linearly, outliers unheard."""
+        state = self.state(light, np.zeros(len(self.samples.names)), np.zeros(self.around.shape[1]), WIDEST_PROBE)
+        weight = self.samples.weight
+        for _ in range(_REWEIGHTED + 1):
+            strength, around = linear_start(self, state.shade * state.share, weight)
+            state = replace(state, log_c=np.log(np.maximum(strength, _NO_STRENGTH)), around=around)
+            weight = _loss_weight(self, state, spread_of(self, state))
+        return state
+
+    def state(self, light: Light, log_c: Array, around: Array, probe: float, before: Known | None = None) -> State:
+        """The state of a light with given strengths and light around; `probe` as in `State`, `before` as in `known`."""
+        shade = shading(light, self.samples.point, self.samples.normal)
+        known = self.known(light, probe, before)
+        return State(light, log_c, around, shade, self.share(light, known), known, probe)
+
+
+def brightness(samples: Samples) -> Array:
+    """Compute each sample's colour along its surface's mean colour, (N,): all that a white light's fit needs."""
+    out = np.empty(len(samples))
+    for surface in np.unique(samples.surface):
+        of = samples.surface == surface
+        mean = np.average(samples.colour[of], axis=0, weights=samples.weight[of])
+        length = np.linalg.norm(mean)
+        out[of] = samples.colour[of] @ (mean / length if length > 0 else np.full(3, 3**-0.5))
+    return out
+
+
+def linear_start(problem: Problem, shade: Array, weight: Array) -> tuple[Array, Array]:
+    """Solve for the surfaces' strengths (S,) and the light around (K,), given the light's shading and weights (N,).
+
+    Each surface has its own say of how much there is of each field, and their weighted median decides.
+    """
+    samples, y = problem.samples, problem.brightness
+    surfaces, ratios, trust = len(samples.names), [], []
+    strength, around = np.zeros(surfaces), np.zeros(problem.around.shape[1])
+    if len(around):
+        for s in np.unique(samples.surface):
+            of = samples.surface == s
+            found = several_terms(np.column_stack([shade[of], problem.around[of]]), y[of], weight[of])
+            if found[0] > 0:
+                ratios.append(found[1:] / found[0])
+                trust.append(samples.weight[of].sum())
+        for k in range(len(around) if ratios else 0):
+            around[k] = weighted_quantile(np.array(ratios)[:, k], np.array(trust), 0.5)
+    full = shade + problem.around @ around
+    up = np.bincount(samples.surface, weight * full * y, surfaces)
+    down = np.bincount(samples.surface, weight * full**2, surfaces)
+    strength[down > 0] = up[down > 0] / down[down > 0]
+    return strength, around
+
+
+def expected_residual(problem: Problem, state: State) -> Array:
+    """Compute each sample's expected residual (N,): its surface's spread and its shadow rays', a standard deviation.
+
+    The spread is read off the residual that one pixel in ten exceeds. The median would call every penumbra of a
+    clean photo an outlier, and the mean square would follow the outliers of a real one.
+    """
+    samples, residual = problem.samples, np.abs(state.residual(problem))
+    out = np.full(len(residual), _SMALLEST_SPREAD * max(float(np.median(np.abs(problem.brightness))), 1e-12))
+    for s in np.unique(samples.surface):
+        of = samples.surface == s
+        out[of] = np.maximum(out[of], weighted_quantile(residual[of], samples.weight[of], 0.9) / 1.6449)
+    lit = np.exp(state.log_c)[samples.surface] * state.shade
+    return np.sqrt(out**2 + lit**2 * state.share * (1 - state.share) / problem.rays)
+
+
+def weighted_quantile(values: Array, weights: Array, share: float) -> float:
+    """The value (N,) that `share` of the weights (N,) stay at or below."""
+    order = np.argsort(values)
+    total = np.cumsum(weights[order])
+    return float(values[order][min(np.searchsorted(total, share * total[-1]), len(values) - 1)])
+
+
+def cost(problem: Problem, state: State, expected: Array) -> float:
+    """Compute the mean soft-L1 loss of the residual in units of the expected one."""
+    z = (state.residual(problem) / (_LOSS_SCALE * expected)) ** 2
+    weight = problem.samples.weight
+    return float((weight * 2 * (np.sqrt(1 + z) - 1)).sum() / weight.sum())
+
+
+def negative_log_likelihood(problem: Problem, state: State, spread: Array) -> float:
+    """Compute the mean negative log likelihood of the residual, up to a constant, given its spread (N,)."""
+    scale = np.average(np.log(spread), weights=problem.samples.weight)
+    return float(scale) + 0.5 * _LOSS_SCALE**2 * cost(problem, state, spread)
+
+
+def score(problem: Problem, state: State) -> float:
+    """Compute the mean negative log likelihood of the residual at each surface's likeliest spread.
+
+    Unlike the loss it can be compared between fits to the same samples.
+    """
+    return negative_log_likelihood(problem, state, spread_of(problem, state))
+
+
+def spread_of(problem: Problem, state: State) -> Array:
+    """Compute each sample's spread (N,) that makes the residuals of its surface likeliest.
+
+    The one that `expected_residual` gives the fit would not do to compare fits: where nine samples in ten fit exactly
+    it is next to nothing, and the tenth costs without limit.
+    """
+    samples, residual = problem.samples, state.residual(problem)
+    smallest = _SMALLEST_SPREAD * max(float(np.median(np.abs(problem.brightness))), 1e-12)
+    spread = np.full(len(residual), smallest)
+    for s in np.unique(samples.surface):
+        of = samples.surface == s
+        square, weight = residual[of] ** 2, samples.weight[of]
+        sigma = float(np.sqrt(np.average(square, weights=weight)))
+        for _ in range(_SPREAD_ROUNDS):
+            soft = square / np.sqrt(1 + square / (_LOSS_SCALE * max(sigma, smallest)) ** 2)
+            sigma = float(np.sqrt(np.average(soft, weights=weight)))
+        spread[of] = max(sigma, smallest)
+    return spread
+
+
+def normal_equations(problem: Problem, state: State, expected: Array) -> tuple[Array, Array]:
+    """Compute the Gauss-Newton matrix and the gradient of half the summed loss by (light, log c, around)."""
+    jacobian, weight = model_jacobian(problem, state), _loss_weight(problem, state, expected)
+    return jacobian.T @ (weight[:, None] * jacobian), -jacobian.T @ (weight * state.residual(problem))
+
+
+def _loss_weight(problem: Problem, state: State, expected: Array) -> Array:
+    """What each squared residual counts in half the summed loss, (N,)."""
+    z = (state.residual(problem) / (_LOSS_SCALE * expected)) ** 2
+    weight = problem.samples.weight
+    return weight / np.mean(weight) / expected**2 / np.sqrt(1 + z)
+
+
+def model_jacobian(problem: Problem, state: State) -> Array:
+    """Compute the derivative (N, P + S + K) of the modelled brightness by (light's coordinates, log c, around)."""
+    samples, light, reach = problem.samples, state.light, reach_of(state.light, problem.middle)
+    c = np.exp(state.log_c)[samples.surface]
+    _, by_light = shading_gradient(light, samples.point, samples.normal, reach)
+    by_light = by_light * state.share[:, None]
+    if problem.visible is not None:
+        by_light += state.shade[:, None] * _visibility_slope(problem, state, reach)
+    by_log_c = np.zeros((len(samples), len(state.log_c)))
+    by_log_c[np.arange(len(samples)), samples.surface] = problem.brightness - state.residual(problem)
+    return np.concatenate([c[:, None] * by_light, by_log_c, c[:, None] * problem.around], axis=1)
+
+
+def _visibility_slope(problem: Problem, state: State, reach: float) -> Array:
+    """(N, P) one-sided differences of the visible fraction.
+
+    The probe is as wide as the fit's own steps: a shadow that is not where the photo has it meets it no sooner.
+    Fewer rays than the model's own are no saving: the fit then stops early, far from where it should.
+    """
+    columns = []
+    for step in np.diag(state.probe * _VISIBILITY_STEP[type(state.light)]):
+        there = problem.share(moved(state.light, step, reach), state.known)
+        columns.append((there - state.share) / step.sum())
+    return np.stack(columns, axis=1)
+
+
+def several_terms(terms: Array, y: Array, weight: Array) -> Array:
+    """Weighted least squares y = terms p with p >= 0: terms (N, K + 1), p (K + 1,)."""
+    from scipy.optimize import nnls
+
+    root = np.sqrt(weight)
+    size = np.sqrt((weight[:, None] * terms**2).sum(axis=0))
+    there = size > 0
+    out = np.zeros(terms.shape[1])
+    if there.any():
+        out[there] = nnls(root[:, None] * terms[:, there] / size[there], root * y)[0] / size[there]
+    return out

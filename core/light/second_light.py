@@ -1,0 +1,137 @@
+"""A second light, sought where one leaves much over, and kept only where two explain much more.
+
+Two lights and their shadows are not found by explaining what the better of them leaves: one light alone comes to rest
+between both. So every pair is tried of the places where one light may be, each surface with strengths of its own
+for either, which is the closed form by which starts for one light are ranked, with the second in the ambient's place
+(`starts.Judge`). The best pair is fitted in turns, each light with the other's shading as one of the fields around
+(`problem`).
+"""
+
+import time
+from collections.abc import Generator, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
+
+from ..photo.samples import first
+from ..progress import watched
+from ..types import Candidate, Light, Progress
+from .cues import grid
+from .fit import LightFit, fit_light, with_covariance
+from .problem import brightness
+from .sight import Asked, Effort, Sight
+from .starts import Judge, find_starts
+
+_WORTH_FITTING = 0.1  # of the logarithm of what is left over: what a pair has to explain of it
+_GAIN = 0.1  # of negative log likelihood a sample: what the second light has to explain
+_STARTS, _SUNS = 3, 1
+_RAYS = 16  # to a light of a pair that is tried
+# ... and it has to be this much of the mean brightness, root mean square: where the first light leaves next to nothing,
+# half of that is soon explained.
+_MUCH = 0.02
+_HOPELESS = 0.02  # of the same, after a turn: a pair that explains less is given up
+_TURNS = 3  # of both lights
+NAME = "second light"
+
+
+@dataclass(frozen=True, slots=True)
+class Pair:
+    """Two lights, the one that gives the photo more light first, and what they leave over."""
+
+    main: LightFit
+    other: LightFit
+    score: float  # mean negative log likelihood
+
+
+def second_light(
+    sight: Sight, here: Asked, only: LightFit, effort: Effort, places: Sequence[Light]
+) -> Generator[Progress, None, tuple[Pair | None, Candidate]]:
+    """Look for a second light; returns the pair, or None where one light does, and what was considered.
+
+    only : the fit of one light; places : where else one light may be
+    The candidate's score is the gain, negative as lower is better.
+    """
+    began, message = time.perf_counter(), "Looking for a second light"
+    yield Progress(0.0, message)
+
+    def considered(gain: float) -> Candidate:
+        return Candidate(NAME, -gain, time.perf_counter() - began)
+
+    begun = _pairs(sight, here, only, effort, places)
+    count, rays, share = 2 * effort.fit_samples, effort.polish_rays, 0.9 / max(len(begun), 1)
+
+    def fitted(light: Light, beside: Light, begin: float) -> Generator[Progress, None, LightFit]:
+        problem = here.beside(sight, beside, rays).problem(sight, count, rays)
+        steps = fit_light(problem, light, iterations=10, tolerance=effort.tolerance)
+        return (yield from watched(steps, begin, begin + 0.5 * share / (_TURNS + 1), message))
+
+    if not begun:
+        return None, considered(0.0)
+    alone = fit_light(here.problem(sight, count, rays), only.light, iterations=3)
+    one = yield from watched(alone, 0.0, 0.1, message)
+    best: tuple[LightFit, LightFit] | None = None
+    for number, (light, beside) in enumerate(begun):
+        other = yield from fitted(beside, light, 0.1 + number * share)
+        main = only
+        for turn in range(1, _TURNS + 1):
+            main = yield from fitted(light, other.light, 0.1 + (number + turn / (_TURNS + 1)) * share)
+            if one.score - main.score < _HOPELESS:
+                break
+            light = main.light
+            other = yield from fitted(other.light, light, 0.1 + (number + (turn + 0.5) / (_TURNS + 1)) * share)
+        best = min(best or (main, other), (main, other), key=lambda pair: pair[1].score)
+    assert best is not None
+    main, other = best
+    gain = one.score - other.score
+    samples = first(here.samples, count)
+    level = float(np.average(brightness(samples), weights=samples.weight))
+    explained = np.average(one.residual**2 - other.residual**2, weights=samples.weight)
+    if gain < _GAIN or explained < (_MUCH * level) ** 2:
+        return None, considered(gain)
+    falls = other.around[-1] * here.beside(sight, main.light, rays).others.mean()
+    beside_main = here.beside(sight, main.light, rays).problem(sight, count, rays)
+    beside_other = here.beside(sight, other.light, rays).problem(sight, count, rays)
+    main, other = with_covariance(beside_other, main), with_covariance(beside_main, other)
+    pair = (main, other) if falls > other.shading.mean() else (other, main)
+    return Pair(*pair, other.score), considered(gain)
+
+
+def _pairs(
+    sight: Sight, here: Asked, only: LightFit, effort: Effort, places: Sequence[Light]
+) -> list[tuple[Light, Light]]:
+    """Two places that explain the photo clearly better than one: with the light fitted alone, and without it."""
+    count = effort.refine_samples
+    samples = first(here.samples, count)
+    level = brightness(samples)
+
+    def judge(other: np.ndarray) -> Judge:
+        return Judge(replace(samples, openness=other), level, sight.visible, sight.extent, sight.far)
+
+    problem = here.problem(sight, count, _RAYS)
+    state = problem.state(only.light, np.log(np.maximum(only.strength, 1e-300)), only.around, 1.0)
+    beside_it = judge(state.shade * state.share + problem.around @ only.around)
+    found = find_starts(
+        beside_it,
+        sight.hidden,
+        grid(sight.middle, effort.directions // 2),
+        grid(sight.middle, 2 * effort.directions),
+        count=_STARTS,
+        suns=_SUNS,
+        search_samples=effort.search_samples,
+        middle=sight.middle,
+    )
+    all_of = [only.light, *(start.light for start in found), *places]
+    lit = [problem.state(light, state.log_c, state.around, 1.0) for light in all_of]
+    tried = {
+        (i, j): judge(lit[j].shade * lit[j].share).score(all_of[i], _RAYS) for i, j in combinations(range(len(lit)), 2)
+    }
+    alone = [judge(samples.openness).score(light, _RAYS) for light in all_of]
+    pairs = []
+    for with_it in (True, False):
+        those = [pair for pair in tried if (0 in pair) == with_it]
+        least = alone[0] if with_it else min(alone[1:], default=np.inf)
+        best = min(those, key=tried.__getitem__, default=None)
+        if best is not None and tried[best] < least - _WORTH_FITTING:
+            pairs.append((all_of[best[0]], all_of[best[1]]))
+    return pairs

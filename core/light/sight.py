@@ -1,0 +1,123 @@
+"""What a search may ask: the photo, the geometry behind its pixels, and what reaches them besides one light."""
+
+from collections.abc import Generator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..photo.samples import choose_samples, extent_of, first
+from ..progress import watched
+from ..radiance.interreflection import Surroundings, gather, usual_radiance
+from ..radiance.lights import shading
+from ..radiance.visibility import openness, visible_fraction
+from ..types import Array, Buffers, Camera, Light, Meets, Photo, Progress, Samples, Visible
+from .problem import Problem, brightness
+from .starts import in_view
+
+FAR = 60.0  # of the scene's extent: as good as infinity for a shadow ray
+
+
+@dataclass(frozen=True, slots=True)
+class Effort:
+    """What a quality buys."""
+
+    samples: int  # for the last fit and the materials
+    pool: int  # from which those in penumbrae are subset
+    search_total: int  # for starts and fits from them
+    fit_samples: int
+    fit_rays: int
+    polish_rays: int  # for the last fit
+    search_samples: int
+    refine_samples: int
+    directions: int
+    starts: int
+    suns: int
+    finalists: int
+    tolerance: float  # of the loss, to end a fit
+    last_steps: int  # with so many rays that a photo's noise, not theirs, is what is left (`refinement`)
+
+
+@dataclass(frozen=True, slots=True)
+class Sight:
+    """A photo and what is known of its scene before any light is."""
+
+    photo: Photo
+    camera: Camera
+    buffers: Buffers
+    visible: Visible
+    meets: Meets | None  # None: no interreflection in the model
+    middle: Array  # (3,)
+    extent: float
+
+    @property
+    def far(self) -> float:
+        """How far a shadow ray towards a sun goes, metres."""
+        return FAR * self.extent
+
+    def hidden(self, light: Light) -> bool:
+        """Whether the photo does not show a light."""
+        return not in_view(light, self.camera, self.buffers)
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """Samples, and the light that reaches them from all around."""
+
+    samples: Samples
+    around: Surroundings | None
+    fields: Array  # (N, K)
+    others: Array  # (N, L) shading of other lights, at unit strength, shadows included
+
+    def problem(self, sight: Sight, count: int, rays: int) -> Problem:
+        """What a fit to the first `count` of them minimises."""
+        some, around = first(self.samples, count), np.column_stack([self.fields, self.others])[:count]
+        return Problem(some, brightness(some), sight.visible, rays, sight.far, sight.middle, sight.hidden, around)
+
+    def beside(self, sight: Sight, light: Light, rays: int) -> "Asked":
+        """The same with another light that is known but for its strength, and no other."""
+        samples = self.samples
+        share = visible_fraction(light, samples, sight.visible, rays, sight.far)
+        return replace(self, others=(shading(light, samples.point, samples.normal) * share)[:, None])
+
+    def divided(self, samples: Samples) -> "Asked":
+        """The same with samples that are divided into other surfaces."""
+        if self.around is None:
+            return replace(self, samples=samples)
+        sent = self.around.fields(usual_radiance(self.around, samples))
+        return replace(self, samples=samples, fields=fields_along(samples, sent))
+
+
+def look(
+    photo: Photo, camera: Camera, buffers: Buffers, visible: Visible, meets: Meets | None, count: int
+) -> tuple[Sight, Samples]:
+    """What is known before any light is, and `count` samples. Raises NothingToLearn as `choose_samples`."""
+    samples = choose_samples(photo, camera, buffers, count)
+    middle, extent = extent_of(samples)
+    return Sight(photo, camera, buffers, visible, meets, middle, extent), samples
+
+
+def asked(sight: Sight, samples: Samples) -> Generator[Progress, None, Asked]:
+    """Find out what surrounds samples."""
+    if sight.meets is None:
+        samples = replace(samples, openness=openness(samples, sight.visible, 32, sight.far))
+        return Asked(samples, None, samples.openness[:, None], np.zeros((len(samples), 0)))
+    gathering = gather(samples, sight.photo, sight.camera, sight.buffers, sight.meets)
+    around = yield from watched(gathering, 0.0, 1.0, "Gathering the light that surfaces send one another")
+    samples = replace(samples, openness=around.samples.openness)
+    fields = fields_along(samples, around.fields(usual_radiance(around, samples)))
+    return Asked(samples, around, fields, np.zeros((len(samples), 0)))
+
+
+def fields_along(samples: Samples, sent: Sequence[Array]) -> Array:
+    """Openness and each field (N, 3) that surfaces send as brightness along a sample's surface's hue: (N, K)."""
+    along = hues(samples)[samples.surface] ** 2
+    return np.column_stack([samples.openness, *(np.einsum("ij,ij->i", field, along) for field in sent)])
+
+
+def hues(samples: Samples) -> Array:
+    """Unit vector along each surface's mean colour, (S, 3)."""
+    out = np.zeros((len(samples.names), 3))
+    for s in np.unique(samples.surface):
+        of = samples.surface == s
+        out[s] = np.average(samples.colour[of], axis=0, weights=samples.weight[of])
+    return out / np.maximum(np.linalg.norm(out, axis=1, keepdims=True), 1e-300)

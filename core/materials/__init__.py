@@ -1,0 +1,1 @@
+"""What surfaces are made of, under lights that are known."""

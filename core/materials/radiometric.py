@@ -1,0 +1,150 @@
+"""Radiometric solve: strengths of known lights, albedos and a constant ambient from the photo (thesis 4.3.1).
+
+A sample of surface s shows, in each colour channel, k_s (sum_l L_l F_l + A O): albedo k, strengths L, ambient radiance
+A, all unknown and never negative; shading F and openness O known. It is linear in k with the rest held and in (L, A)
+with k held, so the two are solved in turn, the second by non-negative least squares, until neither moves.
+
+Only products of strength and albedo show (thesis 4.3.1). Convention: the first light is white, and the largest channel
+of any albedo is 0.8.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..light.problem import weighted_quantile
+from ..types import Array, Samples
+
+LARGEST_ALBEDO = 0.8
+SCALE = "largest albedo channel 0.8, first light white: only strength times albedo can be seen"
+_COLOUR_GAIN = 0.02  # of the logarithm of what is left over: 2 % less
+_ROUNDS = 200
+_SETTLED = 1e-6
+
+
+@dataclass(frozen=True, slots=True)
+class Radiometry:
+    """What the solve found, and what it leaves over."""
+
+    strengths: Array  # (L, 3) radiance, intensity or irradiance of each light
+    ambient: Array  # (3,) radiance of the world
+    albedo: Array  # (S, 3), 0 for surfaces without samples
+    residual: Array  # (N, 3) photo less model, radiance
+    converged: bool
+
+
+def solve_radiometry(
+    samples: Samples,
+    shading: Array,
+    *,
+    with_ambient: bool = True,
+    bounced: Array | None = None,
+    any_colour: bool = False,
+) -> Radiometry:
+    """Solve for strengths, albedos and ambient.
+
+    shading : (N, L) or (N, L, 3) of each light at unit strength, shadows included
+    with_ambient : False holds the ambient at zero
+    bounced : (N, 3) what other surfaces send, over the first light's strength
+    any_colour : of the ambient, whatever fits best: a quarter of the work
+    Residuals beyond their surface's usual spread count less (soft-L1), so highlights and unmodelled things do not pull.
+    The ambient gets a colour of its own only where that leaves clearly less over than the first light's colour does:
+    the darkest pixels of textured surfaces say little about it, and a wrong one shows in every shadow.
+    """
+    lit = np.repeat(shading[..., None], 3, axis=2) if shading.ndim == 2 else shading.copy()
+    if bounced is not None:
+        lit[:, 0] += bounced
+    coloured = _solve(samples, lit, samples.openness * float(with_ambient))
+    if any_colour or not np.any(coloured.ambient > 0):
+        return coloured
+    plain = _with_plain_ambient(samples, lit, coloured)
+    return coloured if left_over(samples, coloured) < left_over(samples, plain) - _COLOUR_GAIN else plain
+
+
+def _solve(samples: Samples, shading: Array, ambient: Array) -> Radiometry:
+    """Solve for lights of shading (N, L, 3) and an ambient of shading (N,) and any colour."""
+    terms = np.concatenate([shading, np.repeat(ambient[:, None, None], 3, axis=2)], axis=1)
+    parts = np.zeros((3, terms.shape[1]))
+    albedo = np.zeros((3, len(samples.names)))
+    converged = True
+    for channel in range(3):
+        parts[channel], albedo[channel], settled = _solve_channel(
+            samples, terms[..., channel], samples.colour[:, channel]
+        )
+        converged &= settled
+    residual = samples.colour - albedo.T[samples.surface] * np.einsum("ntc,ct->nc", terms, parts)
+    scale = np.max(albedo) / LARGEST_ALBEDO if np.any(albedo > 0) else 1.0
+    return Radiometry(
+        strengths=scale * parts[:, :-1].T,
+        ambient=scale * parts[:, -1],
+        albedo=(albedo / scale).T,
+        residual=residual,
+        converged=converged,
+    )
+
+
+def _with_plain_ambient(samples: Samples, shading: Array, coloured: Radiometry) -> Radiometry:
+    """Solve with an ambient of the first light's colour: none, or what one channel says of it; what leaves least."""
+
+    def with_share(ratio: float) -> Radiometry:
+        first = shading[:, :1] + ratio * samples.openness[:, None, None]
+        found = _solve(samples, np.concatenate([first, shading[:, 1:]], axis=1), np.zeros(len(samples)))
+        return replace(found, ambient=ratio * found.strengths[0])
+
+    lit = coloured.strengths[0] > 0
+    ratios = [0.0, *(coloured.ambient[lit] / coloured.strengths[0][lit]).tolist()]
+    return min(map(with_share, ratios), key=lambda found: left_over(samples, found))
+
+
+def left_over(samples: Samples, found: Radiometry) -> float:
+    """Mean over samples and channels of the logarithm of their surface's mean absolute residual."""
+    total, floor = 0.0, 1e-5 * max(float(np.mean(samples.colour)), 1e-300)
+    for s in np.unique(samples.surface):
+        of = samples.surface == s
+        weight = samples.weight[of]
+        off = np.average(np.abs(found.residual[of]), axis=0, weights=weight)
+        total += weight.sum() * float(np.log(off + floor).mean())
+    return total / float(samples.weight.sum())
+
+
+def _solve_channel(samples: Samples, terms: Array, value: Array) -> tuple[Array, Array, bool]:
+    """One channel: parts (L + 1,), the first light's at 1; albedo times its strength (S,); whether it settled."""
+    from scipy.optimize import nnls
+
+    surfaces = len(samples.names)
+    parts = np.zeros(terms.shape[1])
+    parts[0] = 1.0
+    parts[1:-1] = 1.0
+    weight = samples.weight.copy()
+    product = _per_surface(samples, terms @ parts, value, weight, surfaces)
+    for _ in range(_ROUNDS):
+        known = product[samples.surface]
+        rows = np.sqrt(weight)
+        solution, _ = nnls((rows * known)[:, None] * terms, rows * value)
+        if solution[0] <= 0.0:  # the first light brings nothing to this channel: keep its place, let the others move
+            solution[0] = 1e-12 * max(solution.max(), 1e-300)
+        weight = samples.weight * _soft(samples, value - known * (terms @ solution))
+        before = np.concatenate([parts, product])
+        parts = solution / solution[0]
+        product = _per_surface(samples, terms @ parts, value, weight, surfaces)
+        if np.allclose(np.concatenate([parts, product]), before, rtol=_SETTLED, atol=_SETTLED * product.max()):
+            return parts, product, True
+    return parts, product, False
+
+
+def _per_surface(samples: Samples, model: Array, value: Array, weight: Array, surfaces: int) -> Array:
+    """Least squares factor of each surface (S,), never negative."""
+    up = np.bincount(samples.surface, weight * model * value, surfaces)
+    down = np.bincount(samples.surface, weight * model * model, surfaces)
+    return np.maximum(np.where(down > 0, up / np.where(down > 0, down, 1.0), 0.0), 0.0)
+
+
+def _soft(samples: Samples, residual: Array) -> Array:
+    """Weights of a soft-L1 loss in units of each surface's spread, over that spread squared."""
+    out = np.ones(len(residual))
+    floor = 1e-4 * max(float(np.mean(samples.colour)), 1e-300)
+    for s in np.unique(samples.surface):
+        of = samples.surface == s
+        spread = max(weighted_quantile(np.abs(residual[of]), samples.weight[of], 0.9) / 1.6449, floor)
+        out[of] = (floor / spread) ** 2 / np.sqrt(1 + (residual[of] / (1.5 * spread)) ** 2)
+    return out

@@ -1,0 +1,155 @@
+"""Soft shadows and openness, from shadow rays that the caller's ray caster answers.
+
+The points on the light are stratified and shift from sample to sample, but are the same in every call: differences
+between two positions of a light then show the light's movement and not other random numbers.
+"""
+
+from functools import lru_cache
+
+import numpy as np
+
+from ..types import AreaLight, Array, Light, PointLight, Samples, SunLight, Visible
+from .lights import across
+
+_PLASTIC = 1.32471795724474602596  # root of x^3 = x + 1: the R2 low-discrepancy sequence
+_IN_PIXEL = np.array([0.6287067210378087, 0.5385972572236101])  # of the R4 sequence, as which R2 goes on
+_PROBES = 24  # rays a sample to find out whether it is settled
+
+
+@lru_cache(maxsize=16)
+def pattern(count: int, rays: int) -> Array:
+    """Compute (count, rays, 2) points of the unit square, low-discrepancy along either of the first two axes."""
+    alpha = np.array([1 / _PLASTIC, 1 / _PLASTIC**2])
+    within = (0.5 + np.arange(rays)[:, None] * alpha) % 1.0
+    shift = (np.arange(count)[:, None] * np.array([0.6180339887498949, 0.7548776662466927]) * 7.0) % 1.0
+    out = (within[None] + shift[:, None]) % 1.0
+    out.flags.writeable = False  # it is kept for the next call
+    return out
+
+
+def visible_fraction(
+    light: Light, samples: Samples, visible: Visible, rays: int, far: float, settled: Array | None = None
+) -> Array:
+    """Compute the share of each sample's light that arrives, (N,) in 0..1: 1 where nothing is in the way.
+
+    rays : shadow rays a sample, spread over the light and over the pixel's footprint. One goes from the pixel's middle
+        to that of a point or a sun
+    far : length of a ray towards the sun, metres
+    settled : (N,) from `settled`; only its NaN are asked, the rest is taken as it stands
+    Rays to parts of the light that do not shine on the sample are not cast, and each counts by what it would bring.
+    """
+    ask = np.arange(len(samples)) if settled is None else np.flatnonzero(np.isnan(settled))
+    share = np.ones(len(samples)) if settled is None else settled.copy()
+    point, normal = samples.point[ask], samples.normal[ask]
+    if isinstance(light, AreaLight):
+        at = pattern(len(samples), rays)[ask] - 0.5
+        target = light.centre + at @ np.stack([light.size[0] * light.u, light.size[1] * light.v])
+        away = target - point[:, None]
+        square = np.einsum("ijk,ijk->ij", away, away)
+        weight = np.maximum(np.einsum("ijk,ik->ij", away, normal), 0.0)
+        weight *= np.maximum(-(away @ light.normal), 0.0) / np.maximum(square, 1e-300) ** 2
+    else:
+        at = pattern(len(samples), rays)[ask] if rays > 1 else np.zeros((len(ask), 1, 2))
+        target = _on_disc(light, point, at, far)
+        weight = np.maximum(np.einsum("ijk,ik->ij", target - point[:, None], normal), 0.0)
+    arrives = _cast(_begin(samples, rays)[ask], target, weight > 0, visible)
+    total = weight.sum(axis=1)
+    share[ask] = np.where(total > 0, (weight * arrives).sum(axis=1) / np.where(total > 0, total, 1.0), 1.0)
+    return share
+
+
+def settled(light: Light, samples: Samples, visible: Visible, far: float, margin: float) -> Array:
+    """Find the samples that are fully lit (1) or fully shadowed (0) wherever within `margin` metres the light may be.
+
+    Returns (N,), NaN where the sample lies in a penumbra, or would once the light moves a little. Few samples do, so
+    the rays saved here are spent on them.
+    """
+    target = _around(light, samples, far, margin)
+    start = _begin(samples, _PROBES)
+    above = np.einsum("ijk,ik->ij", target - samples.point[:, None], samples.normal) > 0
+    arrives = _cast(start, target, above, visible)
+    asked = above.sum(axis=1)
+    lit = arrives.sum(axis=1) == asked
+    return np.where(lit, 1.0, np.where(arrives.any(axis=1), np.nan, 0.0))
+
+
+def _begin(samples: Samples, rays: int) -> Array:
+    """Where shadow rays begin, (N, rays, 3): all over what each pixel shows, off its surface."""
+    start = (samples.point + samples.lift * samples.normal)[:, None]
+    if rays == 1 or samples.footprint is None:
+        return np.broadcast_to(start, (len(samples), rays, 3))
+    return start + _in_pixel(len(samples), rays) @ samples.footprint
+
+
+@lru_cache(maxsize=16)
+def _in_pixel(count: int, rays: int) -> Array:
+    """(count, rays, 2) offsets within a pixel, unlike those on the light."""
+    out = (pattern(count, rays)[:, :1] + np.arange(rays)[:, None] * _IN_PIXEL + 0.37) % 1.0 - 0.5
+    out.flags.writeable = False
+    return out
+
+
+def _around(light: Light, samples: Samples, far: float, margin: float) -> Array:
+    """(N, _PROBES, 3) points all over a light grown by the margin."""
+    at = pattern(len(samples), _PROBES) - 0.5
+    match light:
+        case AreaLight():
+            width, height = 1.2 * light.size + 2 * margin
+            return light.centre + at @ np.stack([width * light.u, height * light.v])
+        case PointLight():
+            u, v = across(light.centre - samples.point.mean(axis=0))
+            return light.centre + 2 * (1.2 * light.radius + margin) * (at @ np.stack([u, v]))
+        case SunLight():
+            u, v = across(light.normal)
+            width = 1.2 * light.angle + 2 * margin
+            return (samples.point - far * light.normal)[:, None] + width * far * (at @ np.stack([u, v]))
+
+
+def _on_disc(light: PointLight | SunLight, point: Array, at: Array, far: float) -> Array:
+    """(N, K, 3) points of the disc as which a sphere or a sun is seen from each point (N, 3).
+
+    at : (N, K, 2) in the unit square; 0 is the disc's middle
+    """
+    if isinstance(light, SunLight):
+        middle, radius = point - far * light.normal, far * np.tan(light.angle / 2)
+        u, v = across(light.normal)
+    else:
+        middle, radius = np.broadcast_to(light.centre, point.shape), light.radius
+        u, v = _across_all(light.centre - point)
+    r, turn = radius * np.sqrt(at[..., :1]), 2 * np.pi * at[..., 1:]
+    return middle[:, None] + r * (np.cos(turn) * u[..., None, :] + np.sin(turn) * v[..., None, :])
+
+
+def _across_all(axes: Array) -> tuple[Array, Array]:
+    """Two unit vectors (N, 3) across each of the axes (N, 3)."""
+    helper = np.eye(3)[np.argmin(np.abs(axes), axis=1)]
+    u = np.cross(helper, axes)
+    u /= np.linalg.norm(u, axis=1, keepdims=True)
+    v = np.cross(axes, u)
+    return u, v / np.linalg.norm(v, axis=1, keepdims=True)
+
+
+def hemisphere(normals: Array, rays: int) -> Array:
+    """Directions (N, rays, 3) over the hemispheres of unit normals (N, 3), as dense as the cosine to the normal."""
+    at = pattern(len(normals), rays)
+    radius, turn = np.sqrt(at[..., 0]), 2 * np.pi * at[..., 1]
+    u, v = _across_all(normals)
+    x, y, z = radius * np.cos(turn), radius * np.sin(turn), np.sqrt(1.0 - at[..., 0])
+    return x[..., None] * u[:, None] + y[..., None] * v[:, None] + z[..., None] * normals[:, None]
+
+
+def openness(samples: Samples, visible: Visible, rays: int, far: float) -> Array:
+    """Compute the share (N,) of the cosine-weighted hemisphere over each sample that sees past the geometry."""
+    direction = hemisphere(samples.normal, rays)
+    start = samples.point + samples.lift * samples.normal
+    wanted = np.ones(direction.shape[:2], dtype=bool)
+    return _cast(start, start[:, None] + far * direction, wanted, visible).mean(axis=1)
+
+
+def _cast(start: Array, target: Array, wanted: Array, visible: Visible) -> Array:
+    """(N, K) bool: which of the wanted rays from start (N, 3) or (N, K, 3) to target (N, K, 3) arrive."""
+    arrives = np.zeros(wanted.shape, dtype=bool)
+    target = np.broadcast_to(target, (*wanted.shape, 3))
+    origin = np.broadcast_to(start if start.ndim == 3 else start[:, None], target.shape)
+    arrives[wanted] = visible(origin[wanted], target[wanted])
+    return arrives

@@ -1,0 +1,142 @@
+"""The reshaded photo from renders before and after an edit: P' = P + dP (thesis 4.0, 4.3.2)."""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from ..types import Array, Mask
+
+_DARK = 0.05  # of the usual render: below it the photo over the render is no measure of anything
+_LARGEST_GAIN = 2.0  # of a change: where the photo is brighter than the render, something else lights it too
+_LOOKED_AT = 1000  # rows that say how bright a render usually is
+_ROWS = 256  # done at a time, so that a large photo needs no second one in memory
+_SEEN = 1 / 255  # of white, encoded by a square root: a smaller change is none
+_LIT_UP = 4.0  # times as bright as it was: in the dark, what the photo knows is multiplied by so much
+_NEAR = 3  # pixels to each side that speak for one that the edit lights up
+_BLOCK = 8  # pixels a side, summed up to look farther
+_FAR = (1, 7)  # blocks to each side
+
+
+def combine(photo: Array, was: Array, is_now: Array, covered: Array) -> Array:
+    """Add to a photo (H, W, 3) what an edit changes, given the renders before and after it, all radiance.
+
+    covered : (H, W) share of each pixel in which another object is seen than before; nothing of the photo belongs there
+
+    The change is that of the renders, times a gain: the photo over the first render. Where the render explains the
+    photo that is one. Where it is off by a factor (an albedo, a clipped highlight) the change is off by the same
+    factor, so a light dimmed to a quarter leaves a quarter of the photo and not its difference from the render.
+
+    A pixel knows its own gain as well as the photo and the render are bright there beside the change: in a penumbra
+    that the edit lights up, their noise would be multiplied, and in the dark there is nothing but noise. There the
+    pixels around it speak for it, nearer ones first, and where all is dark the gain is one. No pixel is made darker
+    than black, and where nothing changes the photo stays to the last bit.
+    """
+    doubt = _doubt(was)
+    around = _Around(photo, was, doubt)
+    out = np.empty(photo.shape, dtype=photo.dtype)
+    for first in range(0, len(photo), _ROWS):
+        rows = slice(first, first + _ROWS)
+        here, before, now = photo[rows], was[rows], is_now[rows]
+        square = doubt + np.square(np.maximum(now - before, 0.0))
+        gain = (here * before + square * around.gain(first, len(here))) / (before**2 + square)
+        gain = np.clip(gain, 0.0, _LARGEST_GAIN)
+        share = covered[rows][..., None]
+        change = (share + (1 - share) * gain) * (now - before) - share * (here - before)
+        out[rows] = np.where(change == 0, here, np.maximum(here + change, np.minimum(here, 0.0)))
+    return out
+
+
+class _Around:
+    """The gain that the surroundings of each pixel speak for: that of windows, smaller ones before larger ones."""
+
+    def __init__(self, photo: Array, was: Array, doubt: float) -> None:
+        self.photo, self.was, self.doubt = photo, was, doubt
+        height, width = photo.shape[:2]
+        small = -(-height // _BLOCK), -(-width // _BLOCK)
+        up, down = np.zeros((*small, 3)), np.zeros((*small, 3))
+        columns = np.arange(0, width, _BLOCK)
+        for block in range(small[0]):
+            rows = slice(block * _BLOCK, (block + 1) * _BLOCK)
+            for out, values in zip((up, down), self._products(rows), strict=True):
+                out[block] = np.add.reduceat(values.mean(axis=0), columns, axis=0)
+        size = np.diff([*columns, width])[:, None]
+        up, down = up / size, down / size
+        gain = np.ones_like(up)
+        for reach in reversed(_FAR):
+            gain = (_window(up, reach) + doubt * gain) / (_window(down, reach) + doubt)
+        self.far = gain
+
+    def gain(self, first: int, count: int) -> Array:
+        """The gain (count, W, 3) around the pixels of some rows."""
+        height, width = self.photo.shape[:2]
+        low, high = max(first - _NEAR, 0), min(first + count + _NEAR, height)
+        up, down = (_window(values, _NEAR) for values in self._products(slice(low, high)))
+        far = _between(_between(self.far, np.arange(low, high), 0), np.arange(width), 1)
+        return ((up + self.doubt * far) / (down + self.doubt))[first - low : first - low + count]
+
+    def _products(self, rows: slice) -> tuple[Array, Array]:
+        """Photo times render and render squared; what is far brighter than the render is lit by something else."""
+        before = self.was[rows]
+        here = np.clip(self.photo[rows], 0.0, _LARGEST_GAIN * before)
+        return here * before, before**2
+
+
+def _window(values: Array, reach: int) -> Array:
+    """Mean over the pixels within reach, of each channel."""
+    return np.asarray(ndimage.uniform_filter(values, (2 * reach + 1, 2 * reach + 1, 0), mode="nearest"))
+
+
+def _between(blocks: Array, pixels: NDArray[np.intp], axis: int) -> Array:
+    """Values of blocks, interpolated at pixels along an axis."""
+    at = np.clip((pixels + 0.5) / _BLOCK - 0.5, 0, blocks.shape[axis] - 1)
+    low = np.floor(at).astype(np.intp)
+    high = np.minimum(low + 1, blocks.shape[axis] - 1)
+    share = (at - low).reshape([-1 if k == axis else 1 for k in range(3)])
+    return (1 - share) * np.take(blocks, low, axis) + share * np.take(blocks, high, axis)
+
+
+def gain_of(photo: Array, was: Array) -> Array:
+    """By how much a change of the render counts in the photo (H, W, 3): see `combine`; kept from zero."""
+    return np.clip(_gain(photo, was, _doubt(was)), 0.05, _LARGEST_GAIN)
+
+
+def edited(photo: Array, reshaded: Array) -> Mask:
+    """The pixels (H, W) that an edit changed by as much as can be seen."""
+    out = np.empty(photo.shape[:2], dtype=bool)
+    for first in range(0, len(photo), _ROWS):
+        rows = slice(first, first + _ROWS)
+        apart = np.sqrt(np.maximum(reshaded[rows], 0.0)) - np.sqrt(np.maximum(photo[rows], 0.0))
+        out[rows] = np.abs(apart).max(axis=2) > _SEEN
+    return out
+
+
+def uncertain(photo: Array, was: Array, is_now: Array, covered: Array, clipped: Mask, modelled: Mask) -> Mask:
+    """The pixels (H, W) whose reshaded value is not to be trusted.
+
+    modelled : (H, W) where the camera sees geometry. Where it does not, nothing can be lit again: all of it counts.
+    Of the rest those that change, and that the photo has clipped, or that lay in the dark and are lit up, or where the
+    photo is so much brighter than the render that something unmodelled must light it too.
+    """
+    doubt = _doubt(was)
+    out = np.empty(clipped.shape, dtype=bool)
+    for first in range(0, len(photo), _ROWS):
+        rows = slice(first, first + _ROWS)
+        here, before, now = (picture[rows].mean(axis=2) for picture in (photo, was, is_now))
+        level = np.sqrt(doubt)
+        changes = np.abs(np.sqrt(np.maximum(now, 0.0)) - np.sqrt(np.maximum(before, 0.0))) > _SEEN
+        lit_up = (before < level) & (now > _LIT_UP * np.maximum(before, 0.25 * level))
+        beyond = _gain(here, before, doubt) > _LARGEST_GAIN
+        out[rows] = ~modelled[rows] | (changes & (covered[rows] < 1) & (clipped[rows] | lit_up | beyond))
+    return out
+
+
+def _doubt(was: Array) -> float:
+    some = was[:: max(1, len(was) // _LOOKED_AT)]  # of a large picture a part tells as much
+    lit = some[some > 0]
+    usual = float(np.median(lit)) if len(lit) else 1.0
+    return (_DARK * usual) ** 2
+
+
+def _gain(photo: Array, was: Array, doubt: float) -> Array:
+    """The photo over the render, one where the render is dark."""
+    return (photo * was + doubt) / (was**2 + doubt)
