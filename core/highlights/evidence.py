@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 from scipy import ndimage
 
 from ..types import Array, Mask
-from .specular_free import NOISE, Grid, build, parts
+from .specular_free import NOISE, Grid, build, largest, parts
 
 TEXTURE = 0.01  # relative; reflectance varies by this much on the plainest surfaces
 STRIDE = 2  # every second pixel both ways says enough about the neighbourhoods
@@ -60,7 +60,7 @@ def gather(image: Array, usable: Mask, scale: Scale, stride: int = STRIDE) -> Ev
     usable : (H, W) pixels that are neither clipped nor hidden
     """
     smallest, free = parts(image)
-    brightest = image.max(axis=2)
+    brightest = largest(image)
     peak = float(np.percentile(brightest, 99.9)) + 1e-300
     grid = build(smallest, free, usable & (brightest > 2 * NOISE * peak), peak, scale.cell, stride)
     longer = max(smallest.shape)
@@ -80,13 +80,13 @@ def specular(evidence: Evidence, image: Array, rows: Array, columns: Array, kept
     n = evidence.noise
     ratio, spread = evidence.grid.ratio(rows, columns, free)
     gain = np.exp(ratio)
-    diffuse = gain * (free.max(axis=2) + n) - n
+    diffuse = gain * (largest(free) + n) - n
     found = np.clip(smallest - diffuse, 0.0, np.maximum(smallest, 0.0))
     doubt = (TEXTURE + spread) * diffuse + gain * n + n
     sure = found**2 / (found**2 + doubt**2 + 1e-300)
     asked = evidence.scale
     grey = diffuse if asked.beneath else smallest
-    colour = ndimage.gaussian_filter(free, (1, 1, 0)).max(axis=2) / (np.abs(ndimage.gaussian_filter(grey, 1)) + n)
+    colour = largest(ndimage.gaussian_filter(free, (1, 1, 0))) / (np.abs(ndimage.gaussian_filter(grey, 1)) + n)
     out = np.minimum(
         found * sure * ramp(colour, asked.neutral, asked.coloured) * steady, np.maximum(smallest - kept, 0.0)
     )
@@ -107,6 +107,10 @@ def ramp(x: ArrayLike, low: float, high: float) -> Array:
     return t * t * (3 - 2 * t)
 
 
+def _dot(one: Array, other: Array) -> Array:
+    return np.asarray(np.einsum("...c,...c->...", one, other))
+
+
 def _steadiness(smallest: Array, free: Array, noise: float, sigma: float, turn: float) -> Array:
     """1 where the specular-free colour stays or grows with brightness, falling to 0 as it falls or turns.
 
@@ -121,7 +125,7 @@ def _steadiness(smallest: Array, free: Array, noise: float, sigma: float, turn: 
     colour = np.stack([mean(free[..., c]) for c in range(3)], axis=2)
     change = np.stack([mean(free[..., c] * smallest) for c in range(3)], axis=2) - colour * level[..., None]
     change /= (deviation + 0.15 * noise)[..., None]
-    size = np.sqrt((colour**2).sum(axis=2))
-    along = (change * colour).sum(axis=2) / (size + 1e-12)
-    across = (change**2).sum(axis=2) - along**2
+    size = np.sqrt(_dot(colour, colour))
+    along = _dot(change, colour) / (size + 1e-12)
+    across = _dot(change, change) - along**2
     return np.exp(-(np.minimum(along, 0.0) ** 2 + np.maximum(across, 0.0)) / (turn * (size + noise)) ** 2)

@@ -48,13 +48,18 @@ class Grid:
 
 def parts(image: Array) -> tuple[Array, Array]:
     """The smallest channel M (H, W) and the specular-free rest D (H, W, 3) of an image in units of the light."""
-    smallest = image.min(axis=2)
+    smallest = np.minimum(np.minimum(image[..., 0], image[..., 1]), image[..., 2])
     return smallest, image - smallest[..., None]
+
+
+def largest(image: Array) -> Array:
+    """The largest channel (...) of colours (..., 3); several times faster than numpy's own over so short an axis."""
+    return np.maximum(np.maximum(image[..., 0], image[..., 1]), image[..., 2])
 
 
 def log_ratio(smallest: Array, free: Array, noise: float) -> Array:
     """log (M + n) / (C + n) with C = max(D)."""
-    return np.log((np.maximum(smallest, 0.0) + noise) / (free.max(axis=-1) + noise))
+    return np.log((np.maximum(smallest, 0.0) + noise) / (largest(free) + noise))
 
 
 def build(smallest: Array, free: Array, usable: Array, peak: float, cell: float, stride: int) -> Grid:
