@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..photo.samples import choose_samples, subset
+from ..photo.samples import choose_samples, hues, subset
 from ..progress import watched
 from ..radiance.interreflection import patch_radiance
 from ..radiance.lights import incidence, reach_of
@@ -18,7 +18,7 @@ from ..types import Light, Progress, Samples
 from .fit import LightFit, fit_light, with_covariance
 from .problem import Problem
 from .refinement import refined
-from .sight import Asked, Effort, Sight, fields_along, hues
+from .sight import Asked, Effort, Sight, fields_along
 
 _LAST_RAYS, _SLOPE_RAYS = 512, 128  # of the last steps: less noise than 1 % of what a penumbra shows
 _LAST_SAMPLES = 4000  # half of them in penumbrae: their rays are what takes time

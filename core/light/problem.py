@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..photo.samples import hues, surface_means
 from ..radiance.lights import farthest_apart, moved, reach_of, shading, shading_gradient
 from ..radiance.visibility import settled, visible_fraction
 from ..types import AreaLight, Array, Light, PointLight, Samples, SunLight, Visible
@@ -122,13 +123,7 @@ class Problem:
 
 def brightness(samples: Samples) -> Array:
     """Compute each sample's colour along its surface's mean colour, (N,): all that a white light's fit needs."""
-    out = np.empty(len(samples))
-    for surface in np.unique(samples.surface):
-        of = samples.surface == surface
-        mean = np.average(samples.colour[of], axis=0, weights=samples.weight[of])
-        length = np.linalg.norm(mean)
-        out[of] = samples.colour[of] @ (mean / length if length > 0 else np.full(3, 3**-0.5))
-    return out
+    return np.einsum("ij,ij->i", samples.colour, hues(samples)[samples.surface])
 
 
 def linear_start(problem: Problem, shade: Array, weight: Array) -> tuple[Array, Array]:
@@ -162,12 +157,16 @@ def expected_residual(problem: Problem, state: State) -> Array:
     clean photo an outlier, and the mean square would follow the outliers of a real one.
     """
     samples, residual = problem.samples, np.abs(state.residual(problem))
-    out = np.full(len(residual), _SMALLEST_SPREAD * max(float(np.median(np.abs(problem.brightness))), 1e-12))
-    for s in np.unique(samples.surface):
-        of = samples.surface == s
-        out[of] = np.maximum(out[of], weighted_quantile(residual[of], samples.weight[of], 0.9) / 1.6449)
+    spread = np.full(len(samples.names), _smallest_spread(problem))
+    order = np.lexsort((residual, samples.surface))
+    bounds = np.searchsorted(samples.surface[order], np.arange(len(spread) + 1))
+    for s in np.flatnonzero(np.diff(bounds)):
+        of = order[bounds[s] : bounds[s + 1]]
+        total = np.cumsum(samples.weight[of])
+        tenth = min(int(np.searchsorted(total, 0.9 * total[-1])), len(of) - 1)
+        spread[s] = max(spread[s], residual[of[tenth]] / 1.6449)
     lit = np.exp(state.log_c)[samples.surface] * state.shade
-    return np.sqrt(out**2 + lit**2 * state.share * (1 - state.share) / problem.rays)
+    return np.sqrt(spread[samples.surface] ** 2 + lit**2 * state.share * (1 - state.share) / problem.rays)
 
 
 def weighted_quantile(values: Array, weights: Array, share: float) -> float:
@@ -204,18 +203,17 @@ def spread_of(problem: Problem, state: State) -> Array:
     The one that `expected_residual` gives the fit would not do to compare fits: where nine samples in ten fit exactly
     it is next to nothing, and the tenth costs without limit.
     """
-    samples, residual = problem.samples, state.residual(problem)
-    smallest = _SMALLEST_SPREAD * max(float(np.median(np.abs(problem.brightness))), 1e-12)
-    spread = np.full(len(residual), smallest)
-    for s in np.unique(samples.surface):
-        of = samples.surface == s
-        square, weight = residual[of] ** 2, samples.weight[of]
-        sigma = float(np.sqrt(np.average(square, weights=weight)))
-        for _ in range(_SPREAD_ROUNDS):
-            soft = square / np.sqrt(1 + square / (_LOSS_SCALE * max(sigma, smallest)) ** 2)
-            sigma = float(np.sqrt(np.average(soft, weights=weight)))
-        spread[of] = max(sigma, smallest)
-    return spread
+    samples, square = problem.samples, state.residual(problem) ** 2
+    smallest = _smallest_spread(problem)
+    spread = np.maximum(np.sqrt(surface_means(samples, square)), smallest)
+    for _ in range(_SPREAD_ROUNDS):
+        soft = square / np.sqrt(1 + square / (_LOSS_SCALE * spread[samples.surface]) ** 2)
+        spread = np.maximum(np.sqrt(surface_means(samples, soft)), smallest)
+    return np.asarray(spread[samples.surface])
+
+
+def _smallest_spread(problem: Problem) -> float:
+    return _SMALLEST_SPREAD * max(float(np.median(np.abs(problem.brightness))), 1e-12)
 
 
 def normal_equations(problem: Problem, state: State, expected: Array) -> tuple[Array, Array]:

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..photo.samples import choose_samples, extent_of, first
+from ..photo.samples import choose_samples, extent_of, first, hues
 from ..progress import watched
 from ..radiance.interreflection import Surroundings, gather, usual_radiance
 from ..radiance.lights import shading
@@ -112,12 +112,3 @@ def fields_along(samples: Samples, sent: Sequence[Array]) -> Array:
     """Openness and each field (N, 3) that surfaces send as brightness along a sample's surface's hue: (N, K)."""
     along = hues(samples)[samples.surface] ** 2
     return np.column_stack([samples.openness, *(np.einsum("ij,ij->i", field, along) for field in sent)])
-
-
-def hues(samples: Samples) -> Array:
-    """Unit vector along each surface's mean colour, (S, 3)."""
-    out = np.zeros((len(samples.names), 3))
-    for s in np.unique(samples.surface):
-        of = samples.surface == s
-        out[s] = np.average(samples.colour[of], axis=0, weights=samples.weight[of])
-    return out / np.maximum(np.linalg.norm(out, axis=1, keepdims=True), 1e-300)

@@ -79,6 +79,21 @@ def subset(samples: Samples, chosen: NDArray[Any] | slice) -> Samples:
     return replace(samples, footprint=footprint, **{name: getattr(samples, name)[chosen] for name in fields})
 
 
+def surface_means(samples: Samples, values: Array) -> Array:
+    """Compute the weighted mean of values (N,) or (N, 3) over each surface, (S,) or (S, 3); 0 where none shows it."""
+    count, weight = len(samples.names), samples.weight
+    total = np.maximum(np.bincount(samples.surface, weight, count), 1e-300)
+    sums = [np.bincount(samples.surface, weight * one, count) for one in np.atleast_2d(values.T)]
+    return (np.array(sums) / total).T if values.ndim > 1 else sums[0] / total
+
+
+def hues(samples: Samples) -> Array:
+    """Unit vector (S, 3) along each surface's mean colour; grey where that is black."""
+    mean = surface_means(samples, samples.colour)
+    length = np.linalg.norm(mean, axis=1, keepdims=True)
+    return np.where(length > 0, mean / np.maximum(length, 1e-300), 3**-0.5)
+
+
 def extent_of(samples: Samples) -> tuple[Array, float]:
     """Compute the middle (3,) of what the samples cover and the distance from it that nine in ten are within."""
     middle = np.median(samples.point, axis=0)
