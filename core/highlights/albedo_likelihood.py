@@ -14,7 +14,8 @@ with C_b found by iterated reweighting and dof_b the share of a band's values th
 
 Over large areas bands say little: few of their values are independent. But a texture keeps to its tones there too,
 and a highlight left in blurs them. So the entropy of brightness, given the part of the colour that no highlight
-changes, counts as well: no independent addend makes it less.
+changes, counts as well: no independent addend makes it less. It counts as far as there is a texture: on a plain
+surface tones are spread by what light and geometry err by, which is not independent from pixel to pixel.
 """
 
 from dataclasses import dataclass
@@ -32,6 +33,8 @@ TONE = 0.02  # of the mean albedo: tones closer than that are one
 HUE = 0.04  # of it, from where on colours are told apart by ratios
 HUES = 0.7  # of a factor e between one colour and the next
 TONES_DOF = 0.02  # share of the pixels whose tones are independent: textures are alike over about three pixels
+TEXTURED = 0.5  # share of the pixels that differ from their surround by more than a tone, from which on this holds
+SURROUND = 3  # scales: pixels of finer bands than the next differ from their surround
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,6 +109,9 @@ class Likelihood:
         self._covariance: list[Array | None] = [None] * len(self._albedo.values)
         independent = [1.0, *(min(1 / (4 * np.pi * s * s), 1.0) for s in SCALES[: len(self._albedo.values) - 1])]
         self._dof = [a - b for a, b in zip(independent, [*independent[1:], 0.0], strict=True)]
+        detail = np.square(np.sum(self._albedo.values[:-1][:SURROUND], axis=0).mean(axis=1))
+        differing = float((detail / (detail + (TONE * self.mean) ** 2)).mean())
+        self._tones_dof = TONES_DOF * min(1.0, differing / TEXTURED)
 
     def split(self, picture: Array) -> Bands:
         """A picture's bands, where the albedo's are looked at."""
@@ -113,7 +119,7 @@ class Likelihood:
 
     def cost(self, highlight: Bands, whole: Array) -> float:
         """Cost a pixel of the albedo less a highlight, in bands and whole (N, 3), divided by the same shading."""
-        total = TONES_DOF * self._tones.entropy(whole)
+        total = self._tones_dof * self._tones.entropy(whole)
         for b, (one, other) in enumerate(zip(self._albedo.values, highlight.values, strict=True)):
             value, self._covariance[b] = _t_cost(one - other, self._covariance[b], self._floor)
             total += self._dof[b] * value

@@ -228,7 +228,7 @@ def test_the_solved_scene_says_where_highlights_are(solved, load):
     assert with_scene < 0.35 * error(photo, matt)
     bpy.ops.reshade.remove_highlights(image=scene.reshade.photo.name, use_scene=False)
     # On plain surfaces colour alone does well too.
-    assert kept.result is None or with_scene < 0.8 * error(values(kept.result, load), matt)
+    assert kept.result is None or with_scene < 0.7 * error(values(kept.result, load), matt)
 
 
 def test_the_command_takes_a_solved_scene(solved, load, tmp_path, capfd):
