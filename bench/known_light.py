@@ -3,11 +3,13 @@
     python -m reshade.bench.known_light FOLDER [--seeds 1,2,3] [--kinds NAME ...]
 
 The scene gets its true lights, of unit strength, and one surface's true albedo is named as white card. Errors in % of
-the truth, median and worst; surfaces that are in the dark are left out.
+the truth, median and worst; surfaces that are in the dark are left out. "two lights" is the scene of "second light",
+its second light of another colour and up to as bright as the first: how well is the ratio of their strengths told?
 """
 
 import argparse
 import json
+import shutil
 from pathlib import Path
 
 import bpy
@@ -19,16 +21,42 @@ from ..core.radiance.lights import strength_of, with_strength
 from ..core.types import Array
 from ..reshade_addon import register, solving, unregister
 from ..reshade_addon.blend_file import open_blend
-from ..reshade_addon.photo_io import read_photo
+from ..reshade_addon.photo_io import read_photo, write_picture
+from ..reshade_addon.rendering import render
 from ..reshade_addon.scene_read import read_light
-from ..reshade_addon.scene_write import write_light
+from ..reshade_addon.scene_write import set_strength, write_light
 from . import scene_parts as parts
 from .run import line
+from .scenes import KINDS as BUILT
 from .scenes import photo_path, scene_folder
 
-KINDS = ("tabletop", "glossy", "tabletop, interreflected", "room", "second light")
+KINDS = (
+    *("tabletop", "tabletop, low ambient", "glossy", "tabletop, interreflected", "room", "second light", "softbox"),
+    *("far light", "sun", "sun and sky", "only a shadow", "millimetres", "kilometres", "ISO 6400", "1 % noise"),
+    *("8 bits, clipped", "two lights"),
+)
 DARK = 0.03  # of the photo's mean: a surface that is darker says nothing of its albedo
-COLUMNS = ("scene", "seed", "strength %", "albedo %", "highlights", "roughness %", "specular %", "s")
+COLUMNS = ("scene", "seed", "strength %", "ratio %", "albedo %", "highlights", "roughness %", "specular %", "s")
+
+
+def folder_of(root: Path, seed: int, kind: str) -> Path:
+    """The folder of one scene, built if it is missing."""
+    if kind != "two lights":
+        return scene_folder(root, seed, kind)
+    plain = scene_folder(root, seed, "second light")
+    folder = plain.with_name("two-lights")
+    shutil.rmtree(folder, ignore_errors=True)
+    shutil.copytree(plain, folder)
+    scene = open_blend(folder / "true.blend")
+    rng = np.random.default_rng([seed, 2])
+    first, second = sorted((obj for obj in scene.objects if obj.type == "LIGHT"), key=lambda obj: obj.name)
+    brighter = rng.uniform(1.5, 5.0)  # than a fifth of the first
+    for obj, factor in ((first, 1.0), (second, brighter * rng.uniform(0.3, 1.0, 3))):
+        light = read_light(obj)
+        set_strength(obj, with_strength(light, 2 / (2 + 0.2 * brighter) * factor * strength_of(light)))
+    bpy.ops.wm.save_as_mainfile(filepath=str(folder / "true.blend"))
+    write_picture(folder / "photo.exr", drain(render(scene, BUILT["second light"].samples, seed=1)))
+    return folder
 
 
 def measure(folder: Path) -> dict:
@@ -46,7 +74,18 @@ def measure(folder: Path) -> dict:
     card = Card(card, np.array(truth["albedo"][card]))
     found = drain(solving.solve_materials(scene, photo, quality="standard", card=card)).estimate
     strengths = [_off(strength_of(a), strength_of(b)) for a, b in zip(found.lights, lights, strict=True)]
-    out: dict = {"strength": max(strengths), "albedo": {}, "evident": [], "roughness": {}, "specular": {}}
+    ratios = [
+        _off(strength_of(a) / strength_of(found.lights[0]), strength_of(b) / strength_of(lights[0]))
+        for a, b in zip(found.lights[1:], lights[1:], strict=True)
+    ]
+    out: dict = {
+        "strength": max(strengths),
+        "ratios": ratios,
+        "albedo": {},
+        "evident": [],
+        "roughness": {},
+        "specular": {},
+    }
     out["seconds"] = found.seconds["total"]
     level = float(np.mean([s.albedo.mean() for s in found.surfaces]))
     evident = {c.name.removeprefix("highlight of ") for c in found.candidates}
@@ -85,8 +124,9 @@ def main() -> None:
     try:
         for kind in chosen.kinds:
             for seed in map(int, chosen.seeds.split(",")):
-                found = measure(scene_folder(chosen.folder, seed, kind))
-                cells = [kind, str(seed), f"{found['strength']:.2f}", _worst(found["albedo"])]
+                found = measure(folder_of(chosen.folder, seed, kind))
+                ratio = f"{max(found['ratios']):.2f}" if found["ratios"] else "–"
+                cells = [kind, str(seed), f"{found['strength']:.2f}", ratio, _worst(found["albedo"])]
                 cells += [str(len(found["evident"])), _worst(found["roughness"]), _worst(found["specular"])]
                 print(line([*cells, f"{found['seconds']:.0f}"]), flush=True)
     finally:

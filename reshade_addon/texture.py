@@ -5,9 +5,11 @@ from dataclasses import replace
 
 import bpy
 import numpy as np
+from numpy.typing import NDArray
 from scipy import ndimage
 
-from ..core.materials.albedo_map import albedo_map, around
+from ..core.materials.albedo_map import albedo_map, around, noisy
+from ..core.materials.continuation import continued
 from ..core.types import Array, Buffers, Mask, Photo, Progress, Surface
 from . import scene_write
 from .render_depsgraph import settings
@@ -62,13 +64,32 @@ def albedo_texture(
     shading = _smooth((rendered - highlights) / np.maximum(albedo, 1e-3), buffers.surface, pure)
     matt = np.maximum(resized(photo.linear, width, height) - _smooth(highlights, buffers.surface, pure), 0.0)
     pure &= ~(resized(photo.clipped[..., None] * 1.0, width, height)[..., 0] > 0)
-    texture = albedo_map(matt, shading, around(matt, shading, albedo, buffers.surface, pure))
+    parts, albedo = _in_regions(matt, shading, albedo, buffers, pure, solved)
+    nearby = around(matt, shading, albedo, parts, pure)
+    texture = albedo_map(matt, shading, nearby, noisy(matt, shading, nearby, parts, pure))
     known = pure & textured[buffers.surface]
     if not known.any():
         return np.zeros((height, width, 4))
     # A colour for every pixel, so that filtering at the outline mixes in nothing foreign.
     distance, nearest = ndimage.distance_transform_edt(~known, return_indices=True)
     return np.concatenate([texture[tuple(nearest)], (distance <= REACH)[..., None]], axis=-1)
+
+
+def _in_regions(
+    matt: Array, shading: Array, albedo: Array, buffers: Buffers, pure: Mask, solved: Mapping[str, Surface]
+) -> tuple[NDArray[np.int32], Array]:
+    """Numbers (H, W) of surfaces, each region of a divided one with its own, and their albedos (H, W, 3)."""
+    parts, albedo, free = buffers.surface.copy(), albedo.copy(), len(buffers.names)
+    for number, name in enumerate(buffers.names):
+        regions = solved[name].regions if name in solved else ()
+        of = buffers.surface == number
+        colours = np.array([region.albedo for region in regions])
+        where = continued(matt, shading, colours, of, pure) if len(regions) > 1 else None
+        if where is not None:
+            parts[of] = free + where[of]
+            albedo[of] = colours[where[of]]
+            free += len(regions)
+    return parts, albedo
 
 
 def _smooth(shading: Array, surface: Array, pure: Mask) -> Array:

@@ -9,16 +9,22 @@ from ..types import Array, Mask
 _DARK = 0.05  # of the usual shading: below it a pixel says little about its albedo and its surroundings take over
 _WINDOWS = (4, 16, 64)  # of the picture's width: the surroundings, far ones first
 
+_WELL_LIT = 0.5  # of the usual shading: what varies there is texture
+_PLAIN = 0.003  # deviation of an albedo that counts as uniform
+_BEYOND = 4.0  # times as much as texture makes a pixel vary: anything more is none
+_NEAR = 7  # pixels of a window that says how much a photo varies
 
-def albedo_map(photo: Array, shading: Array, albedo: Array) -> Array:
+
+def albedo_map(photo: Array, shading: Array, albedo: Array, noise: Array | float = 0.0) -> Array:
     """Compute each pixel's albedo so that albedo times shading gives the photo.
 
     photo : (H, W, 3) radiance
     shading : (H, W, 3) radiance a white Lambertian surface would show there, all light included
     albedo : (H, W, 3) what pixels in deep shadow return to
+    noise : (H, W, 1) variance of the photo over that of the albedo, as of `noisy`: how dark a pixel is too dark
     Returns (H, W, 3) in 0..1.
     """
-    doubt = _doubt(shading)
+    doubt = _doubt(shading) + noise
     return np.clip((photo * shading + doubt * albedo) / (shading**2 + doubt), 0.0, 1.0)
 
 
@@ -41,6 +47,31 @@ def around(photo: Array, shading: Array, albedo: Array, surface: NDArray[np.int3
             nearby = (ndimage.uniform_filter(up, size, mode="constant") + doubt * out) / near
             out = np.where(of[..., None], nearby, out)
     return np.clip(out, 0.0, 1.0)
+
+
+def noisy(photo: Array, shading: Array, albedo: Array, surface: NDArray[np.int32], known: Mask) -> Array:
+    """Compute the variance of the photo that is no texture, over that of the surface's texture, (H, W, 1).
+
+    In penumbrae a photo's noise, and a light that is not quite right, look like texture: over a shading that is nearly
+    nothing they would become an albedo, and dots and outlines of the old shadow once it is lit. What a surface shows
+    where it is well lit tells how much of it is texture; where it is dark and varies by far more, that is none.
+
+    albedo : (H, W, 3) of the surroundings; all else as in `around`
+    """
+    off, bright = np.mean((photo - albedo * shading) ** 2, axis=2), np.mean(shading**2, axis=2)
+    out = np.zeros(off.shape)
+    for number in np.unique(surface[surface >= 0]):
+        of = (surface == number) & known & (bright > 0)
+        if not of.any():
+            continue
+        usual = np.median(bright[of])
+        lit = of & (bright >= _WELL_LIT**2 * usual)
+        texture = max(float(np.mean(off[lit] / bright[lit])), _PLAIN**2)
+        share = ndimage.uniform_filter(of * 1.0, _NEAR)
+        near = ndimage.uniform_filter(np.where(of, off, 0.0), _NEAR) / np.maximum(share, 1e-9)
+        beyond = np.maximum(near - _BEYOND * texture * bright, 0.0) / texture
+        out = np.where(of & (bright < _WELL_LIT**2 * usual), beyond, out)
+    return out[..., None]
 
 
 def _doubt(shading: Array) -> float:

@@ -28,8 +28,9 @@ def combine(photo: Array, was: Array, is_now: Array, covered: Array) -> Array:
 
     A pixel knows its own gain as well as the photo and the render are bright there beside the change: in a penumbra
     that the edit lights up, their noise would be multiplied, and in the dark there is nothing but noise. There the
-    pixels around it speak for it, nearer ones first, and where all is dark the gain is one. No pixel is made darker
-    than black, and where nothing changes the photo stays to the last bit.
+    pixels around it speak for it, nearer ones first, and where all is dark the gain is one. What the photo shows beside
+    that, as bright as a neighbour of the render, is the neighbour's light (an outline half a pixel off, noise) and
+    goes where that goes. No pixel is made darker than black, and where nothing changes the photo stays to the last bit.
     """
     doubt = _doubt(was)
     around = _Around(photo, was, doubt)
@@ -42,8 +43,19 @@ def combine(photo: Array, was: Array, is_now: Array, covered: Array) -> Array:
         gain = np.clip(gain, 0.0, _LARGEST_GAIN)
         share = covered[rows][..., None]
         change = (share + (1 - share) * gain) * (now - before) - share * (here - before)
+        change -= (1 - share) * _neighbours_gone(here - gain * before, here, was, is_now, first)
         out[rows] = np.where(change == 0, here, np.maximum(here + change, np.minimum(here, 0.0)))
     return out
+
+
+def _neighbours_gone(left: Array, here: Array, was: Array, is_now: Array, first: int) -> Array:
+    """What of some rows' unexplained light (H, W, 3) is that of neighbours, as far as those lose theirs."""
+    low, high = max(first - 1, 0), min(first + len(here) + 1, len(was))
+    own = slice(first - low, first - low + len(here))
+    before, kept = was[low:high], np.minimum(was[low:high], is_now[low:high])
+    brightest, stays = (ndimage.maximum_filter(one, (3, 3, 1), mode="nearest")[own] for one in (before, kept))
+    lost = np.where(brightest > 0, 1 - stays / np.where(brightest > 0, brightest, 1.0), 0.0)
+    return np.clip(left, 0.0, np.maximum(brightest - (here - left), 0.0)) * lost
 
 
 class _Around:

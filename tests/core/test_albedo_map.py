@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from core.materials.albedo_map import albedo_map, around
+from core.materials.albedo_map import albedo_map, around, noisy
 from core.photo.noise import noise_of
 from core.types import Photo
 
@@ -60,3 +60,23 @@ def test_in_a_shadow_the_surroundings_tell_the_albedo():
     np.testing.assert_allclose(found[:, 36:], true[:, 36:], rtol=0.02)
     nothing = around(true * shading, shading, solved, surface, np.zeros_like(surface, dtype=bool))
     np.testing.assert_allclose(nothing, solved)
+
+
+@pytest.mark.parametrize("contrast", [0.0, 0.3])
+def test_noise_of_a_penumbra_is_no_texture(contrast):
+    """A few rays' noise in a shadow's edge; texture where the light is full stays as it is."""
+    rng = np.random.default_rng(2)
+    shading = np.broadcast_to(np.clip((np.arange(200) - 60) / 60, 0.0, 1.0)[None, :, None], (100, 200, 3))
+    true = 0.5 * (1 + contrast * rng.uniform(-1, 1, (100, 200, 1))) * np.ones(3)
+    photo = true * rng.binomial(16, shading[..., :1]) / 16
+    surface, known = np.zeros((100, 200), np.int32), np.ones((100, 200), bool)
+    nearby = around(photo, shading, np.full_like(photo, 0.5), surface, known)
+    found = albedo_map(photo, shading, nearby, noisy(photo, shading, nearby, surface, known))
+    plain = albedo_map(photo, shading, nearby)
+    penumbra, lit = slice(66, 84), slice(120, None)
+
+    def off(albedo, where):
+        return np.sqrt(np.mean((albedo - true)[:, where] ** 2))
+
+    assert off(found, lit) < 0.01
+    assert off(found, penumbra) < (0.7 if contrast else 0.45) * off(plain, penumbra)

@@ -70,3 +70,15 @@ def test_what_is_lit_up_gets_the_gain_of_what_is_lit_nearby():
     was[:, 50:70] = 0.0
     found = combine(1.7 * was, was, np.full_like(was, 0.5), np.zeros(was.shape[:2]))
     np.testing.assert_allclose(found, 1.7 * 0.5, rtol=0.03)
+
+
+def test_an_outline_that_is_a_pixel_off_leaves_no_seam():
+    """The photo's lit area ends a pixel farther out than the render's, and the edit takes all of its light."""
+    was = np.zeros((40, 60, 3))
+    was[:, :30] = 0.5
+    photo = np.zeros_like(was)
+    photo[:, :31] = 0.5
+    assert combine(photo, was, np.zeros_like(was), np.zeros(was.shape[:2])).max() < 0.01
+    lamp = photo + 0.2  # of another light, which stays
+    found = combine(lamp, was, np.zeros_like(was), np.zeros(was.shape[:2]))
+    np.testing.assert_allclose(found[:, 35:], 0.2, atol=1e-3)
