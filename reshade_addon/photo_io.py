@@ -5,7 +5,7 @@ A photo read from 8 bits and written to 16 is each value times 257; a float32 EX
 """
 
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +22,7 @@ WRITABLE = (".exr", ".png")
 SMALLEST_SIDE = 8  # pixels; below it there is no shading to speak of
 BLACK = 1e-5  # linear; under a thirtieth of an 8-bit step
 
-_LAYER_ROWS = 64  # written at a time
+_ROWS = 64  # written at a time
 
 
 def read_photo(path: str | Path, linear: bool | None = None) -> Photo:
@@ -132,8 +132,8 @@ def write_layers(path: str | Path, layers: Mapping[str, ArrayLike]) -> None:
     spec.attribute("oiio:ColorSpace", "lin_rec709")
     file = oiio.ImageOutput.create(str(path))
     written = file.open(str(path), spec)
-    for row in range(0, height, _LAYER_ROWS):
-        rows = slice(row, min(row + _LAYER_ROWS, height))
+    for row in range(0, height, _ROWS):
+        rows = slice(row, min(row + _ROWS, height))
         block = np.stack([plane[rows].astype(np.float32) for plane in planes], axis=-1)
         written = written and file.write_scanlines(rows.start, rows.stop, 0, np.ascontiguousarray(block))
     if not (file.close() and written):
@@ -150,23 +150,31 @@ def write_picture(path: str | Path, linear: ArrayLike, alpha: Array | None = Non
     path = Path(path)
     check_writable(path)
     linear = np.asarray(linear)
+
+    def floats(rows: slice) -> np.ndarray:
+        pixels = linear[rows].astype(np.float32)
+        return pixels if alpha is None else np.dstack([pixels * alpha[rows][..., None], alpha[rows]]).astype(np.float32)
+
+    def integers(rows: slice) -> np.ndarray:
+        encoded = np.clip(linear_to_srgb(linear[rows]), 0.0, 1.0)
+        encoded = encoded if alpha is None else np.dstack([encoded, alpha[rows]])
+        return np.rint(encoded * 65535).astype(np.uint16)
+
+    size = (*linear.shape[:2], 3 if alpha is None else 4)
     if path.suffix.lower() == ".exr":
-        pixels = linear.astype(np.float32)
-        if alpha is not None:
-            pixels = np.dstack([pixels * alpha[..., None], alpha]).astype(np.float32)
-        _write(path, pixels, "float", {"compression": "zip", "oiio:ColorSpace": "lin_rec709"})
-        return
-    encoded = np.clip(linear_to_srgb(linear), 0.0, 1.0)
-    if alpha is not None:
-        encoded = np.dstack([encoded, alpha])
-    attributes = {"oiio:ColorSpace": "sRGB", "oiio:UnassociatedAlpha": 1}
-    _write(path, np.rint(encoded * 65535).astype(np.uint16), "uint16", attributes)
+        _write(path, size, floats, "float", {"compression": "zip", "oiio:ColorSpace": "lin_rec709"})
+    else:
+        _write(path, size, integers, "uint16", {"oiio:ColorSpace": "sRGB", "oiio:UnassociatedAlpha": 1})
 
 
 def write_encoded(path: str | Path, encoded: ArrayLike) -> None:
     """Write sRGB-encoded values in 0..1 (H, W, 3) as an 8-bit PNG: for diagrams, which are made encoded."""
-    values = np.rint(np.clip(np.asarray(encoded, dtype=np.float64), 0.0, 1.0) * 255).astype(np.uint8)
-    _write(Path(path), values, "uint8", {"oiio:ColorSpace": "sRGB"})
+    encoded = np.asarray(encoded)
+
+    def bytes_of(rows: slice) -> np.ndarray:
+        return np.rint(np.clip(encoded[rows].astype(np.float64), 0.0, 1.0) * 255).astype(np.uint8)
+
+    _write(Path(path), encoded.shape, bytes_of, "uint8", {"oiio:ColorSpace": "sRGB"})
 
 
 def check_writable(path: str | Path) -> None:
@@ -235,15 +243,25 @@ def _decoded(stored: np.ndarray, linear: bool | None, kind: type[np.floating]) -
     return Photo(table.astype(kind)[stored], at_ceiling[stored].any(axis=-1))
 
 
-def _write(path: Path, pixels: np.ndarray, kind: str, attributes: dict[str, str | int]) -> None:
+def _write(
+    path: Path,
+    size: tuple[int, ...],
+    pixels: Callable[[slice], np.ndarray],
+    kind: str,
+    attributes: Mapping[str, str | int],
+) -> None:
+    """Write a file of (height, width, channels), a few rows at a time: the whole is never held in another type."""
     import OpenImageIO as oiio
 
-    height, width = pixels.shape[:2]
-    spec = oiio.ImageSpec(width, height, pixels.shape[2], kind)
+    height, width, channels = size
+    spec = oiio.ImageSpec(width, height, channels, kind)
     for name, value in attributes.items():
         spec.attribute(name, value)
     file = oiio.ImageOutput.create(str(path))
-    written = file.open(str(path), spec) and file.write_image(np.ascontiguousarray(pixels))
+    written = file.open(str(path), spec)
+    for row in range(0, height, _ROWS):
+        rows = slice(row, min(row + _ROWS, height))
+        written = written and file.write_scanlines(rows.start, rows.stop, 0, np.ascontiguousarray(pixels(rows)))
     # The last bytes are written on closing: a full disk shows only there.
     if not (file.close() and written):
         raise ReshadeError(f"'{path}' cannot be written ({file.geterror().strip()})", "Check the folder and the disk")

@@ -53,7 +53,7 @@ def split(image: Array, usable: Mask | None = None) -> Generator[Progress, None,
     lit = unclipped(lit, working_clipped)
     certain = working_usable & ~working_clipped.any(axis=2)
     seen = ev.gather(lit, certain, ev.FINE)
-    burnt = _large((working_clipped.sum(axis=2) >= 2) & working_usable)
+    burnt = _large(_burnt_out(working_clipped) & working_usable)
     broad = ev.gather(lit, certain, ev.BROAD, 2 * ev.STRIDE) if burnt.any() else None
     round_burnt = _around(burnt, ev.whole(broad, lit) / broad.peak) if broad else None
     diffuse, specular = np.empty_like(image), np.empty_like(image)
@@ -92,9 +92,15 @@ def split(image: Array, usable: Mask | None = None) -> Generator[Progress, None,
     return Split(diffuse, specular, light)
 
 
+def _burnt_out(clipped: Mask) -> Mask:
+    """Pixels (H, W) two channels or more of which (H, W, 3) are clipped."""
+    red, green, blue = clipped[..., 0], clipped[..., 1], clipped[..., 2]
+    return np.asarray((red & green) | (red & blue) | (green & blue))
+
+
 def _continue_burnt(diffuse: Array, specular: Array, clipped: Mask, usable: Mask) -> None:
     """Continue the diffuse part, in place, from the border of each highlight that burnt out two channels or more."""
-    hole = ndimage.binary_dilation(clipped.sum(axis=2) >= 2, iterations=SOFT) & usable
+    hole = ndimage.binary_dilation(_burnt_out(clipped), iterations=SOFT) & usable
     seen = SEEN * max(float(specular.max()), float(diffuse.max()))
     labels, _ = ndimage.label(hole)
     for number, box in enumerate(ndimage.find_objects(labels), start=1):
