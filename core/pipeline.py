@@ -12,7 +12,7 @@ import numpy as np
 
 from .color import linear_to_srgb
 from .light.hints import Hint
-from .light.polish import polished
+from .light.polish import finished, polished
 from .light.search import search
 from .light.sight import Asked, Effort, Sight, asked, look
 from .light.uncertainty import uncertainty_of
@@ -76,6 +76,8 @@ def estimate(
     Estimate whose message says so.
     """
     clock, effort = _Clock(), EFFORTS[quality]
+    if solver != "trust-region":  # a baseline's result is left as it found it
+        effort = replace(effort, last_steps=0)
     yield Progress(0.0, "Choosing samples")
     sight, samples = look(photo, camera, buffers, visible, meets, effort.samples)
     clock.mark("samples")
@@ -84,7 +86,7 @@ def estimate(
     if found is None:
         return _failed("No place for a light explains any of the shading: check the camera and the geometry", clock)
     clock.mark("fit")
-    fit, here = found.fit, found.asked
+    fit, here, there = found.fit, found.asked, found.asked
     others = (found.second.light,) if found.second else ()
     told = _materials(sight, here, (fit.light, *others), quality, bounce=found.bounce)
     materials = yield from shifted(told, 0.7, 0.8)
@@ -92,11 +94,15 @@ def estimate(
         if materials.matt is None:
             break
         # Highlights are no shading: the light is fitted anew to what the photo would show without them.
-        begin = 0.8 + 0.2 * turn / _GLOSS_ROUNDS
-        again = polished(sight, replace(here, samples=materials.matt), fit.light, effort)
-        fit, _ = yield from shifted(again, begin, begin + 0.05)
+        begin = 0.8 + 0.1 * turn / _GLOSS_ROUNDS
+        there = replace(here, samples=materials.matt)
+        fit, there = yield from shifted(polished(sight, there, fit.light, effort), begin, begin + 0.02)
         told = _materials(sight, here, (fit.light, *others), quality, bounce=found.bounce)
-        materials = yield from shifted(told, begin + 0.05, begin + 0.1)
+        materials = yield from shifted(told, begin + 0.02, begin + 0.05)
+    fit = yield from shifted(finished(sight, there, fit, effort), 0.9, 0.95)
+    if effort.last_steps:
+        told = _materials(sight, here, (fit.light, *others), quality, bounce=found.bounce)
+        materials = yield from shifted(told, 0.95, 1.0)
     materials, scale = absolute(materials)
     clock.mark("solve")
     lights = (fit.light, *others)

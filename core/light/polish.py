@@ -10,7 +10,8 @@ from dataclasses import replace
 import numpy as np
 
 from ..photo.samples import choose_samples, hues, subset
-from ..progress import watched
+from ..photo.segmentation import Labels
+from ..progress import shifted, watched
 from ..radiance.interreflection import patch_radiance
 from ..radiance.lights import incidence, reach_of
 from ..radiance.visibility import settled
@@ -18,10 +19,12 @@ from ..types import Light, Progress, Samples
 from .fit import LightFit, fit_light, with_covariance
 from .problem import Problem
 from .refinement import refined
+from .regions import regions
 from .sight import Asked, Effort, Sight, fields_along
 
 _LAST_RAYS, _SLOPE_RAYS = 512, 128  # of the last steps: less noise than 1 % of what a penumbra shows
 _LAST_SAMPLES = 4000  # half of them in penumbrae: their rays are what takes time
+_REGION_ROUNDS = 5  # of regions and light in turn
 _BOUNCE_ROUNDS = 2  # of what the photo does not show, by the light found
 _PENUMBRA_MARGIN = 0.02  # of the light's distance: how far round a penumbra pixels are asked too
 _GRAZING = 0.2  # cosine
@@ -43,12 +46,36 @@ def polished(
         )
         here = replace(here, fields=fields_along(here.samples, here.around.fields(radiance)))
         steps = _polish(here.problem(sight, len(here.samples), rays), fit.light, effort)
-        fit = yield from watched(steps, 0.4 + 0.15 * turn, 0.55 + 0.15 * turn, message)
+        fit = yield from watched(steps, 0.4 + 0.3 * turn, 0.7 + 0.3 * turn, message)
+    return fit, here
+
+
+def polished_with_regions(
+    sight: Sight, here: Asked, fit: LightFit, effort: Effort, label: Labels
+) -> Generator[Progress, None, tuple[LightFit, Asked]]:
+    """The same in turn with the regions into which the light found divides surfaces, until these stay as they are.
+
+    Regions found under a light that is a little off explain some of the error away; each turn takes some of it back.
+    """
+    before: Samples | None = None
+    for turn in range(_REGION_ROUNDS):
+        there = here.divided(regions(sight, here, fit, effort.polish_rays, label))
+        if before is not None and np.array_equal(there.samples.surface, before.surface):
+            break
+        before = there.samples
+        steps = polished(sight, there, fit.light, effort)
+        fit, last = yield from shifted(steps, turn / _REGION_ROUNDS, (turn + 1) / _REGION_ROUNDS)
+    return fit, last
+
+
+def finished(sight: Sight, here: Asked, fit: LightFit, effort: Effort) -> Generator[Progress, None, LightFit]:
+    """The polished fit after its last steps, if the effort has any, and how sure it is."""
     if effort.last_steps:
         problem = here.problem(sight, min(len(here.samples), _LAST_SAMPLES), _LAST_RAYS)
         last = refined(problem, fit, iterations=effort.last_steps, slope_rays=_SLOPE_RAYS)
-        fit = yield from watched(last, 0.7, 1.0, "Asking penumbrae with more rays")
-    return with_covariance(here.problem(sight, len(here.samples), rays), fit), here
+        fit = yield from watched(last, 0.0, 0.9, "Asking penumbrae with more rays")
+    yield Progress(0.9, "Finding out how sure this is")
+    return with_covariance(here.problem(sight, len(here.samples), effort.polish_rays), fit)
 
 
 def _polish(problem: Problem, light: Light, effort: Effort) -> Generator[float, None, LightFit]:

@@ -7,7 +7,8 @@ import numpy as np
 
 from ..photo.segmentation import Labels, at_samples, by_albedo, in_segments
 from ..progress import watched
-from ..types import Light, Progress, Samples
+from ..radiance.lights import resized
+from ..types import AreaLight, Light, Progress, Samples
 from .fit import LightFit, fit_light
 from .sight import Asked, Effort, Sight
 
@@ -44,8 +45,14 @@ def divided(
     parts = here.divided(regions(sight, here, apart, rays, label))
     if len(parts.samples.names) == len(here.samples.names):
         return None
-    better = yield from fitted(parts, apart.light, 0.4, 0.7)
-    whole = yield from fitted(here, light, 0.7, 1.0)
+    better = yield from fitted(parts, apart.light, 0.4, 0.55)
+    # The sides were found with the albedos' edges in the way, so others have their turn again.
+    others = resized(better.light) if isinstance(better.light, AreaLight) else []
+    for i, other in enumerate(others):
+        begin = 0.55 + 0.3 * i / len(others)
+        fit = yield from fitted(parts, other, begin, begin + 0.3 / len(others))
+        better = min(better, fit, key=lambda one: one.score)
+    whole = yield from fitted(here, light, 0.85, 1.0)
     return Divided(parts, better.light) if whole.score - better.score > _GAIN else None
 
 

@@ -25,12 +25,12 @@ from ..types import (
     SunLight,
 )
 from .cues import diffuse_maxima, grid, highlights, terminators
-from .fit import LightFit, fit_light, search_light, with_covariance
+from .fit import LightFit, fit_light, search_light
 from .hints import Hint, hinted_lines, turned
 from .model_choice import choose, criterion
-from .polish import enriched, polished
+from .polish import enriched, polished, polished_with_regions
 from .problem import brightness
-from .regions import divided, regions
+from .regions import divided
 from .second_light import second_light
 from .sight import Asked, Effort, Sight, asked
 from .starts import Judge, Start, find_starts
@@ -92,7 +92,6 @@ def search(
     tried = _models(model, rough, suns, effort.finalists, sight.middle)
     if solver != "trust-region":  # a baseline's result is left as it found it
         name, fit, candidates = yield from shifted(_finals(sight, here, effort, tried, solver), 0.45, 1.0)
-        fit = with_covariance(here.problem(sight, 2 * effort.fit_samples, effort.polish_rays), fit)
         return Searched(name, fit, here, None, candidates, found)
     label, places = cut(sight.photo, sight.buffers), [*(one.light for one in rough[: effort.starts]), *suns]
     parts = yield from shifted(divided(sight, here, effort, tried[0][1], label), 0.45, 0.5)
@@ -100,8 +99,11 @@ def search(
         here, tried[0] = parts.asked, (tried[0][0], parts.light, tried[0][2])
     name, fit, candidates = yield from shifted(_finals(sight, here, effort, tried, solver), 0.55, 0.75)
     whole = yield from shifted(asked(sight, enriched(sight, fit.light, effort)), 0.75, 0.8)
-    there = whole.divided(regions(sight, whole, fit, effort.polish_rays, label)) if parts else whole
-    fit, there = yield from shifted(polished(sight, there, fit.light, effort), 0.8, 0.9)
+    if parts is None:
+        last = polished(sight, whole, fit.light, effort)
+    else:
+        last = polished_with_regions(sight, whole, fit, effort, label)
+    fit, there = yield from shifted(last, 0.8, 0.9)
     if model != "auto":
         return Searched(name, fit, there, None, candidates, found)
     pair, considered = yield from shifted(second_light(sight, whole, fit, effort, places), 0.9, 0.95)

@@ -90,11 +90,10 @@ def second_light(
     if gain < _GAIN or explained < (_MUCH * level) ** 2:
         return None, considered(gain)
     falls = other.around[-1] * here.beside(sight, main.light, rays).others.mean()
+    left = other.score
+    main, other = (main, other) if falls > other.shading.mean() else (other, main)
     beside_main = here.beside(sight, main.light, rays).problem(sight, count, rays)
-    beside_other = here.beside(sight, other.light, rays).problem(sight, count, rays)
-    main, other = with_covariance(beside_other, main), with_covariance(beside_main, other)
-    pair = (main, other) if falls > other.shading.mean() else (other, main)
-    return Pair(*pair, other.score), considered(gain)
+    return Pair(main, with_covariance(beside_main, other), left), considered(gain)
 
 
 def _pairs(
