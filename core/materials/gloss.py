@@ -261,7 +261,7 @@ def _integrals(samples: Samples, lit: Lit, gloss: Gloss) -> Array:
             value = reflected(light, point, normal, view, response, peak, _TOLERANCE, enough).value
         else:
             fall = np.sum((light.centre - point) ** 2, axis=1) if isinstance(light, PointLight) else 1.0
-            value = response(normal, _towards(light, point), view) / fall
+            value = response(normal, towards(light, point), view) / fall
         out[ask, k] = lit.visible[ask, k] * value
     return out
 
@@ -341,18 +341,18 @@ def _mirrored_centres(samples: Samples, lit: Lit) -> Array:
     response = response_of(Gloss(0.5, 0.4))
     out = np.zeros(len(samples))
     for light, power, seen in zip(lit.lights, lit.strengths, lit.visible.T, strict=True):
-        out += seen * power.mean() * response(samples.normal, _towards(light, samples.point), samples.view)
+        out += seen * power.mean() * response(samples.normal, towards(light, samples.point), samples.view)
     return out
 
 
 def _incidence(samples: Samples, lit: Lit) -> Array:
     """Cosine (N,) at which a facet mirrors the strongest light to the viewer."""
     strongest = lit.lights[int(np.argmax(lit.strengths.sum(axis=1) * lit.shading.mean(axis=0)))]
-    between = np.einsum("ij,ij->i", _towards(strongest, samples.point), samples.view)
+    between = np.einsum("ij,ij->i", towards(strongest, samples.point), samples.view)
     return np.sqrt(np.clip((1 + between) / 2, 1e-6, 1.0))
 
 
-def _towards(light: Light, points: Array) -> Array:
+def towards(light: Light, points: Array) -> Array:
     """Unit vectors (N, 3) to the middle of a light."""
     if isinstance(light, SunLight):
         return np.broadcast_to(-light.normal, points.shape)

@@ -26,10 +26,12 @@ from ..radiance.interreflection import Gathered, Surroundings
 from ..radiance.lights import shading as shading_of
 from ..radiance.visibility import visible_fraction
 from ..types import Array, Light, Progress, Samples, Visible
-from .gloss import MATT, STRONGEST, Gloss, GlossFit, Lit, base_share, specular_term
+from .gloss import MATT, STRONGEST, Gloss, GlossFit, Lit, base_share, specular_term, towards
 from .radiometric import SCALE, Radiometry, left_over, solve_radiometry
 
 _ROUNDS = 2
+_EDGEWAYS = 0.1  # cosine of light on a face
+_ENOUGH = 8  # samples of a surface
 _EVIDENT = 10.0  # gain of the Bayesian criterion, as for a highlight
 _UNSEEN_RAYS = 16  # to a light from each patch the photo does not show
 _HEARD = 2e-3  # of what falls on such places: surfaces that send less to the samples are left out
@@ -99,6 +101,7 @@ def solve_materials(
     rounds : how often the gloss is fitted; 0: every surface is matt
     Raises ReshadeError where the samples do not show the card, or no light falls on it.
     """
+    samples = replace(samples, weight=samples.weight * borne_out(samples, lights))
     if card is not None and card.name not in samples.names:
         raise ReshadeError(
             f"The photo does not show the surface '{card.name}' that was named as card",
@@ -118,7 +121,7 @@ def solve_materials(
         lit = Lit(lights, found.strengths, shading, visible, found.ambient, bounced)
         for i in range(len(names)):
             yield Progress((number + i / len(names)) / rounds, f"Looking for highlights of {names[i]}")
-            of = samples.surface == i
+            of = (samples.surface == i) & (samples.weight > 0)
             if number == 0:
                 fits[i] = GlossFit(subset(samples, of), lit.of(of))
             # What showed nothing under nearly the same light shows nothing again.
@@ -143,6 +146,32 @@ def solve_materials(
     factor = 0.0 if bounces is None or bounces.factor is None else bounces.factor
     told = bounces is not None and bounces.told
     return Materials(found, bounced, factor, told, tuple(gloss), tuple(considered), matt)
+
+
+def borne_out(samples: Samples, lights: Sequence[Light]) -> Array:
+    """1 for samples (N,) whose smooth normal and mesh agree on which lights they face, 0 for others, if enough agree.
+
+    Smooth normals of a cone turn upwards to its tip, half a right angle away from its faces, and a coarse ball's are
+    off near its terminator: the faces keep from such places what their normals are turned to, and renderers do not
+    agree on what is seen then.
+    """
+    out = np.ones(len(samples))
+    if samples.footprint is None:
+        return out
+    face = np.cross(samples.footprint[:, 0], samples.footprint[:, 1])
+    length = np.linalg.norm(face, axis=1, keepdims=True)
+    face = np.where(length > 0, face / np.where(length > 0, length, 1.0), samples.normal)
+    face *= np.where(np.einsum("ij,ij->i", face, samples.view) < 0, -1.0, 1.0)[:, None]
+    apart = np.zeros(len(samples), dtype=bool)
+    for light in lights:
+        away = towards(light, samples.point)
+        smooth, flat = (np.einsum("ij,ij->i", normal, away) for normal in (samples.normal, face))
+        apart |= (flat < _EDGEWAYS) & (smooth > flat + _EDGEWAYS)
+    for surface in np.unique(samples.surface[apart]):
+        of = samples.surface == surface
+        if (of & ~apart).sum() >= _ENOUGH:
+            out[of & apart] = 0.0
+    return out
 
 
 def in_regions(samples: Samples, found: Materials, label: Labels) -> Samples:

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from core.materials.solve import Bounces, absolute, falling, solve_materials
+from core.materials.solve import Bounces, absolute, borne_out, falling, solve_materials
 from core.pipeline import solve, united
 from core.progress import drain
 from core.radiance.interreflection import gather
@@ -94,3 +94,31 @@ def test_what_the_photo_does_not_show_is_lit_by_its_surroundings():
     np.testing.assert_allclose(found.radiometry.albedo, np.array([[LOWER], [UPPER]]) * np.ones(3), rtol=0.03)
     np.testing.assert_allclose(found.radiometry.strengths, STRENGTH, rtol=0.03)
     np.testing.assert_allclose(found.bounced.mean(), bounced, rtol=0.03)
+
+
+def test_normals_that_the_mesh_does_not_bear_out_do_not_count():
+    """A lit floor and a wall: half of the wall's normals lean towards a light behind it, and the photo shows them lit."""
+    count, light = 200, PointLight(np.array([0.0, 2.0, 2.0]), np.full(3, 40.0))
+    rng = np.random.default_rng(0)
+    wall, leaning = np.arange(count) >= 100, np.arange(count) >= 150
+    point = rng.uniform(-1, 1, (count, 3)) * np.where(wall[:, None], [1.0, 0.0, 0.5], [1.0, 1.0, 0.0])
+    point[wall] += [0.0, -1.0, 0.5]
+    up, front, lean = np.array([0.0, 0.0, 1.0]), np.array([0.0, 1.0, 0.0]), np.array([0.6, 0.0, 0.8])
+    normal = np.where(leaning[:, None], lean, np.where(wall[:, None], front, up))
+    across = np.tile([[1e-3, 0.0, 0.0], [0.0, 1e-3, 0.0]], (count, 1, 1))
+    across[wall, 1] = [0.0, 0.0, -1e-3]  # their faces look forward
+    across[leaning] = [[0.0, 1e-3, 0.0], [0.0, 0.0, -1e-3]]  # these aside, away from the light
+    point[leaning, 0] += 1.5
+    albedo = np.where(wall[:, None], 0.4, 0.7) * np.ones(3)
+    view = np.where(leaning[:, None], [1.0, 0.0, 0.0], normal)
+    lit = shading(light, point, normal)[:, None]
+    seen = lit * np.where(leaning, 0.0, 1.0)[:, None]  # as rays from the mesh tell
+    ones, pixel = np.ones(count), np.zeros((count, 2), np.int32)
+    samples = Samples(
+        point, normal, view, 40.0 * albedo * lit, wall.astype(np.int32), ones, pixel, ones, ("floor", "wall"), 1e-4, across
+    )  # fmt: skip
+    np.testing.assert_array_equal(borne_out(samples, [light]), ~leaning)
+    found = drain(solve_materials(samples, [light], seen, np.where(leaning, 0.0, 1.0)[:, None], with_ambient=False))
+    ratio = found.radiometry.albedo[1] / found.radiometry.albedo[0]
+    np.testing.assert_allclose(ratio, 0.4 / 0.7, rtol=1e-3)
+    assert borne_out(replace(samples, footprint=None), [light]).all()
