@@ -11,7 +11,7 @@ from .chromatic import shen, yang
 from .gershon import gershon
 from .klinker import klinker
 from .lee import chromaticity_convergence, smoothness
-from .products import Split
+from .products import Split, peak_of
 
 Method = Callable[[Array, Mask], Generator[Progress, None, Split]]
 
@@ -41,8 +41,8 @@ def split(photo: Photo, method: str = "auto", usable: Mask | None = None) -> Gen
     """
     image = photo.linear
     usable = np.ones(image.shape[:2], dtype=bool) if usable is None else usable
-    peak = float(image.max())
-    even = float(np.ptp(image)) <= COLOURLESS * peak or peak <= 0
+    peak = peak_of(image.max(axis=2))
+    even = float(np.ptp(image)) <= COLOURLESS * float(image.max()) or peak <= 0
     grey = method == "auto" and float(np.ptp(image, axis=2).max()) <= COLOURLESS * peak
     if even or grey:
         message = NONE_FOUND if even else NO_COLOUR

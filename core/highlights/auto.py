@@ -53,6 +53,7 @@ def split(image: Array, usable: Mask | None = None) -> Generator[Progress, None,
     lit = unclipped(lit, working_clipped)
     certain = working_usable & ~working_clipped.any(axis=2)
     seen = ev.gather(lit, certain, ev.FINE)
+    believed, step = ev.islands(seen, lit, certain)
     burnt = _large(_burnt_out(working_clipped) & working_usable)
     broad = ev.gather(lit, certain, ev.BROAD, 2 * ev.STRIDE) if burnt.any() else None
     round_burnt = _around(burnt, ev.whole(broad, lit) / broad.peak) if broad else None
@@ -74,6 +75,7 @@ def split(image: Array, usable: Mask | None = None) -> Generator[Progress, None,
                 band = _rebuilt(band, clipped[first:last], parts(free)[1])
         longer = max(height, width)
         found = ev.specular(seen, band, rows / longer, columns / longer, kept, steady)
+        found *= _enlarged(believed, rows, columns, factor * step)
         if broad and round_burnt is not None:
             kept, steady, near = (
                 x[first:last] if factor == 1 else _enlarged(x, rows, columns, factor)

@@ -7,6 +7,9 @@ specular-free colour does not fall or turn where brightness rises: under a highl
 paint it does not, and the mixed pixels along that edge are told apart by this alone. (4) It is small: what a
 morphological opening keeps is shading.
 
+Highlights are also islands: where a large part of a neighbourhood would be one, it is a pale texture, fur or a face in
+a photo whose tones were graded, and it fades out.
+
 A highlight larger than that is taken for one only where it burns out all channels at its middle: shading alone does
 not. There the four are asked at a broad scale, of strongly coloured surfaces.
 """
@@ -18,9 +21,14 @@ from numpy.typing import ArrayLike
 from scipy import ndimage
 
 from ..types import Array, Mask
+from .products import peak_of
 from .specular_free import NOISE, Grid, build, largest, parts
 
 TEXTURE = 0.01  # relative; reflectance varies by this much on the plainest surfaces
+SHINES = 0.04  # of the peak: what counts as highlight for that
+NEIGHBOURHOOD = 0.1  # of the longer side, standard deviation
+ISLANDS = (0.22, 0.45)  # share of a neighbourhood that shines: over the second, none of it is a highlight
+SIDE = 100  # pixels of the longer side that neighbourhoods are looked at with
 STRIDE = 2  # every second pixel both ways says enough about the neighbourhoods
 
 
@@ -61,7 +69,7 @@ def gather(image: Array, usable: Mask, scale: Scale, stride: int = STRIDE) -> Ev
     """
     smallest, free = parts(image)
     brightest = largest(image)
-    peak = float(np.percentile(brightest, 99.9)) + 1e-300
+    peak = peak_of(brightest) + 1e-300
     grid = build(smallest, free, usable & (brightest > 2 * NOISE * peak), peak, scale.cell, stride)
     longer = max(smallest.shape)
     side = 2 * int(scale.largest * longer) + 1
@@ -99,6 +107,19 @@ def whole(evidence: Evidence, image: Array) -> Array:
     rows, columns = np.meshgrid(np.arange(height), np.arange(width), indexing="ij")
     longer = max(height, width)
     return specular(evidence, image, rows / longer, columns / longer, evidence.kept, evidence.steady)
+
+
+def islands(evidence: Evidence, image: Array, usable: Mask) -> tuple[Array, int]:
+    """How far (h, w) what is found of the image (H, W, 3) is to be believed, 0..1, and every how many pixels."""
+    longer = max(usable.shape)
+    step = max(longer // SIDE, 1)
+    some = (slice(None, None, step), slice(None, None, step))
+    rows, columns = np.meshgrid(*(np.arange(0, n, step) / longer for n in usable.shape), indexing="ij")
+    found = specular(evidence, image[some], rows, columns, evidence.kept[some], evidence.steady[some]) ** 2
+    shines = found / (found + (SHINES * evidence.peak) ** 2)
+    sigma, seen = NEIGHBOURHOOD * longer / step, usable[some].astype(np.float64)
+    share = ndimage.gaussian_filter(shines * seen, sigma) / (ndimage.gaussian_filter(seen, sigma) + 0.02)
+    return 1.0 - ramp(share, *ISLANDS), step
 
 
 def ramp(x: ArrayLike, low: float, high: float) -> Array:

@@ -10,6 +10,7 @@ import numpy as np
 from scipy import ndimage
 
 from ..types import Array, Mask
+from .products import peak_of
 
 SIDE = 81  # candidates both ways in log(R/G), log(B/G), over -1..1: steps of 1.4 degrees
 RADII = (3.0, 6.0, 12.0)  # pixels of a photo 400 wide: windows in which planes are fitted
@@ -33,7 +34,7 @@ def estimate(image: Array, usable: Mask) -> tuple[Array, Array]:
     Returns two: what planes, small bright things and prior say; and the same where it may be the surface's colour as
     well, brought back towards white.
     """
-    peak = float(np.percentile(image.max(axis=2), 99.9))
+    peak = peak_of(image.max(axis=2))
     if peak <= 0:
         return np.ones(3), np.ones(3)
     image = np.where(usable[..., None], np.maximum(image, 0.0), 0.0) / peak

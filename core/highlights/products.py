@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from ..types import Array, Mask
 
 
@@ -16,9 +18,9 @@ class Split:
 
     def mask(self) -> Mask:
         """Pixels (H, W) whose specular component is more than 4 % of the photo's peak."""
-        rows = range(len(self.diffuse))
-        peak = max(float((self.diffuse[row] + self.specular[row]).max()) for row in rows)
-        return self.specular.mean(axis=2) > SEEN * max(peak, 1e-300)
+        rows = zip(self.diffuse, self.specular, strict=True)
+        peak = peak_of(np.stack([(diffuse + specular).max(axis=1) for diffuse, specular in rows]))
+        return np.asarray(self.specular.mean(axis=2) > SEEN * max(peak, 1e-300))
 
     def at_strength(self, strength: float) -> Array:
         """The photo (H, W, 3) with the share `strength` (0..1) of its highlights taken away."""
@@ -26,3 +28,9 @@ class Split:
 
 
 SEEN = 0.04  # of the peak: below this a highlight is hard to see on an 8-bit screen
+PEAK = 99.9  # percent of the pixels are darker: the sun in a panorama, or a hot pixel, is not what others are held to
+
+
+def peak_of(brightest: Array) -> float:
+    """A photo's peak, by the largest channel (H, W) of its pixels."""
+    return float(np.percentile(brightest, PEAK))

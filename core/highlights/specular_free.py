@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from ..types import Array
+from ..types import Array, Mask
 
 TONE = 0.6  # arsinh units, a factor of 1.8 in D: shading under a highlight varies by about this
 QUANTILE = 0.1  # of M / max(D) that is taken for diffuse: up to nine tenths of a neighbourhood may shine
@@ -62,7 +62,7 @@ def log_ratio(smallest: Array, free: Array, noise: float) -> Array:
     return np.log((np.maximum(smallest, 0.0) + noise) / (largest(free) + noise))
 
 
-def build(smallest: Array, free: Array, usable: Array, peak: float, cell: float, stride: int) -> Grid:
+def build(smallest: Array, free: Array, usable: Mask, peak: float, cell: float, stride: int) -> Grid:
     """Fit the grid to every `stride`-th pixel both ways of M (H, W) and D (H, W, 3) where `usable` (H, W) is not 0.
 
     cell : of the longer side; neighbours are within about two cells

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy import ndimage
 
 from core.highlights import NO_COLOUR, NONE_FOUND, auto, split
 from core.highlights.clipping import clipped_channels, continued
@@ -68,6 +69,27 @@ def test_pale_walls_and_grey_things_are_left_alone() -> None:
     image[40:60, 50:90] *= 0.3
     found = found_in(image)
     assert np.abs(found.diffuse - image).mean() < 1e-3 * image.mean()
+
+
+@pytest.mark.parametrize("across", [1.0, 4.0])
+def test_fur_and_other_pale_textures_are_no_highlights(across) -> None:
+    rng = np.random.default_rng(6)
+    strands = ndimage.gaussian_filter(rng.standard_normal((160, 200)), (4.0, across))
+    pale = np.clip(0.5 + 0.5 * strands / strands.std(), 0, 1)[..., None]
+    image = (1 - pale) * [0.3, 0.16, 0.07] + pale * [0.62, 0.5, 0.42]
+    image *= 1 + 0.01 * rng.standard_normal(image.shape)
+    found = found_in(image)
+    assert np.abs(found.diffuse - image).mean() < 1e-3 * image.mean()
+
+
+def test_the_sun_in_a_panorama_is_not_what_the_rest_is_held_to() -> None:
+    scene = balls(COLOURS)
+    image = scene.image.copy()
+    image[:2, :2] = 1e4
+    found = found_in(image)
+    assert found.message == ""
+    assert gain(scene, np.where(scene.ball[..., None] > 0, found.diffuse, scene.diffuse)) > 20
+    assert np.mean((found.mask() == scene.shining)[2:]) > 0.98
 
 
 def test_a_grey_photo_is_left_as_it_is_and_told_why() -> None:
