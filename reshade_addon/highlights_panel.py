@@ -19,9 +19,11 @@ class _Highlights:
             layout.progress(factor=state.fraction, text=state.message)
             return
         images = images_at_hand(context)
-        row = layout.row()
+        row = layout.row(align=True)
         row.scale_y = 1.4
-        row.operator(RESHADE_OT_remove_highlights.bl_idname, icon="SHADING_TEXTURE")
+        row.operator(RESHADE_OT_remove_highlights.bl_idname, icon="SHADING_TEXTURE").method = "auto"
+        # The methods of the literature, to compare it with.
+        row.operator_menu_enum(RESHADE_OT_remove_highlights.bl_idname, "method", text="", icon="DOWNARROW_HLT")
         for image in images:
             kept = image.reshade_highlights
             column = layout.column(align=True)

@@ -76,7 +76,7 @@ def build(smallest: Array, free: Array, usable: Mask, peak: float, cell: float, 
     rows, columns = np.meshgrid(
         np.arange(0, height, stride) / longer, np.arange(0, width, stride) / longer, indexing="ij"
     )
-    smallest, free, usable = (x[::stride, ::stride] for x in (smallest, free, usable))
+    smallest, free, usable = smallest[::stride, ::stride], free[::stride, ::stride], usable[::stride, ::stride]
     coordinates = _coordinates(empty, rows, columns, free)
     near = [np.clip(np.rint(c).astype(np.intp), 0, n - 1) for c, n in zip(coordinates, shape, strict=True)]
     index = np.ravel_multi_index(near, shape).ravel()
@@ -100,7 +100,7 @@ def build(smallest: Array, free: Array, usable: Mask, peak: float, cell: float, 
             asymmetric = np.where(excess > 0, QUANTILE, 1 - QUANTILE)
             weight = usable * asymmetric / np.maximum(np.abs(excess), BLUNT)
     # The spread of the diffuse pixels is that below the quantile, where no highlight lifts it.
-    under = usable * (excess <= 0)
+    under = (usable & (excess <= 0)).astype(np.float64)
     spread = gathered(under * np.minimum(excess, 0) ** 2) / (gathered(under) + 1e-12)
     return Grid(np.stack([heaviness, moment, heaviness * spread], axis=1).astype(np.float32), shape, cell, noise)
 

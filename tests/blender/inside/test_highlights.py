@@ -1,5 +1,7 @@
 """Highlights in Blender: the button, what it leaves of the image, strength, what is shown; and the command."""
 
+from types import SimpleNamespace
+
 import bpy
 import numpy as np
 import pytest
@@ -81,6 +83,68 @@ def test_again_brings_the_same_images_up_to_date(shown, photo):
     count = len(bpy.data.images)
     bpy.ops.reshade.remove_highlights(method="yang")
     assert len(bpy.data.images) == count
+
+
+@pytest.fixture
+def stepped(photo, load):
+    """The operator's modal life on the photo, without an interface, and its computation."""
+    jobs, operator = load("reshade_addon.jobs"), load("reshade_addon.operators").RESHADE_OT_remove_highlights
+    context = SimpleNamespace(
+        scene=bpy.context.scene,
+        window_manager=bpy.context.window_manager,
+        workspace=SimpleNamespace(status_text_set=lambda _: None),
+    )
+    given = {"image": photo.name, "method": "auto", "use_scene": True, "report": lambda self, kind, text: None}
+    own = {name: getattr(operator, name) for name in ("steps", "finish", "_solved")}
+    it = type("StandIn", (jobs.Job,), own | given)()
+    it._steps = it.steps(context)
+    return lambda kind: it.modal(context, SimpleNamespace(type=kind, value="PRESS")), it._steps
+
+
+@pytest.mark.parametrize("ticks", [0, 1, 3])
+def test_esc_leaves_the_image_as_it_was(stepped, photo, load, monkeypatch, ticks):
+    monkeypatch.setattr(load("reshade_addon.jobs"), "STEP", 0.0)
+    event, computation = stepped
+    before = len(bpy.data.images)
+    for _ in range(ticks):
+        assert event("TIMER") == {"RUNNING_MODAL"}
+    assert event("ESC") == {"CANCELLED"}
+    assert computation.gi_frame is None  # it was closed
+    assert len(bpy.data.images) == before and photo.reshade_highlights.removed is None
+    assert bpy.context.window_manager.reshade.running == ""
+
+
+def test_stepped_to_the_end_it_is_kept(stepped, photo):
+    event, _ = stepped
+    while (answer := event("TIMER")) == {"RUNNING_MODAL"}:
+        pass
+    assert answer == {"FINISHED"}
+    assert photo.reshade_highlights.result
+
+
+def test_every_method_runs_by_name_from_the_panel(photo, load):
+    names = load("core.highlights").METHODS
+    offered = bpy.ops.reshade.remove_highlights.get_rna_type().properties["method"].enum_items.keys()
+    assert list(offered) == list(names)
+    drawn = []
+    button = SimpleNamespace()
+    layout = SimpleNamespace(
+        operator=lambda *given, **_: drawn.append(given) or button,
+        operator_menu_enum=lambda *given, **_: drawn.append(given),
+        label=lambda **_: None,
+    )
+    layout.row = layout.column = lambda **_: layout
+    panel = SimpleNamespace(layout=layout)
+    context = SimpleNamespace(
+        window_manager=bpy.context.window_manager,
+        space_data=SimpleNamespace(type="IMAGE_EDITOR", image=photo),
+        scene=bpy.context.scene,
+    )
+    load("reshade_addon.highlights_panel")._Highlights.draw(panel, context)
+    assert drawn == [("reshade.remove_highlights",), ("reshade.remove_highlights", "method")]
+    assert button.method == "auto"
+    for name in names:
+        assert bpy.ops.reshade.remove_highlights(image=photo.name, method=name) == {"FINISHED"}
 
 
 def test_any_image_by_name_without_a_scene(photo, load):
