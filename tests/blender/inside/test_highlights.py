@@ -94,7 +94,7 @@ def stepped(photo, load):
         window_manager=bpy.context.window_manager,
         workspace=SimpleNamespace(status_text_set=lambda _: None),
     )
-    given = {"image": photo.name, "method": "auto", "use_scene": True, "report": lambda self, kind, text: None}
+    given = {"image": photo.name, "method": "auto", "use_scene": True, "report": lambda *_: None}
     own = {name: getattr(operator, name) for name in ("steps", "finish", "_solved")}
     it = type("StandIn", (jobs.Job,), own | given)()
     it._steps = it.steps(context)
