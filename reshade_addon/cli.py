@@ -116,11 +116,16 @@ def _paint(arguments: argparse.Namespace, console: Console) -> tuple[int, str]:
         if scene.reshade.photo is None:
             raise ReshadeError("The scene has no photo", "Estimate the light or solve the materials first")
         photo, painting = photo_image.read_image(scene.reshade.photo), photo_io.read_photo(arguments.painting)
-        steps = paint.solve_lights(scene, photo, painting, keep_colours=arguments.keep_colours)
-        lights = drain(steps, console.tell)
-        paint.apply(scene, lights)
+        match arguments.solve:
+            case "lights":
+                steps = paint.solve_lights(scene, photo, painting, keep_colours=arguments.keep_colours)
+                paint.apply(scene, drain(steps, console.tell))
+            case "colours":
+                paint.apply_colours(drain(paint.solve_colours(scene, photo, painting), console.tell))
+            case "gloss":
+                paint.apply_gloss(drain(paint.solve_gloss(scene, photo, painting), console.tell))
         save_blend(beside)
-    return 0, f"The lights of {arguments.output} are as the painting asks; render it to see the photo"
+    return 0, f"The {arguments.solve} of {arguments.output} are as the painting asks; render it to see the photo"
 
 
 def _write_report(path: Path | None, found: dict[str, Any]) -> None:
@@ -242,10 +247,13 @@ def _parser() -> argparse.ArgumentParser:
         "--layers", action="store_true", help="beside it the change, albedo, shading, specular and masks, in one .exr"
     )
     render_parser.add_argument("--samples", type=_positive, metavar="N", help="a pixel; more give less noise")
-    paint_parser = command("paint", _paint, "find the lights' strengths from a painting over the photo")
+    paint_parser = command("paint", _paint, "find lights, colours or gloss from a painting over the photo")
     paint_parser.add_argument("--scene", required=True, metavar="O.blend", help="made by estimate or solve")
     paint_parser.add_argument("--painting", required=True, metavar="P", help="a copy of the photo, painted on")
     paint_parser.add_argument("--output", required=True, metavar="O2.blend", help="the scene with these lights")
+    paint_parser.add_argument(
+        "--solve", choices=("lights", "colours", "gloss"), default="lights", help="what the painting is to tell"
+    )
     paint_parser.add_argument("--keep-colours", action="store_true", help="change only the lights' brightness")
     dehighlight.add_arguments(command(dehighlight.COMMAND, dehighlight.run, dehighlight.SUMMARY))
     return parser

@@ -1,21 +1,29 @@
-"""Lights, or surfaces' colours, that make the photo look as an artist has painted it; see `core.materials.painting`."""
+"""Lights, or surfaces' colours or gloss, that make the photo look as an artist has painted it.
+
+See `core.materials.painting`; a painted highlight is read as one of a photo is, by `core.materials.gloss`.
+"""
 
 from collections.abc import Generator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import bpy
 import numpy as np
 
 from ..core.errors import ReshadeError
+from ..core.materials.gloss import MATT, Gloss, GlossFit, Lit
 from ..core.materials.painting import interest, painted_on, solve_albedo, solve_strengths
-from ..core.radiance.lights import strength_of, with_strength
+from ..core.photo.samples import subset
+from ..core.progress import shifted
+from ..core.radiance.lights import shading, strength_of, with_strength
 from ..core.reshading.change import gain_of
 from ..core.types import Array, Light, Mask, Photo, Progress
 from .previewing import Lighting, Live, begin, read_lighting, shining
-from .scene_write import colour_socket, set_strength
+from .scene_write import colour_socket, set_gloss, set_strength
 from .texture import resized
 
 FEWEST = 20  # painted pixels that recolour a surface: less is a stroke's edge
+EVIDENT = 3.0  # gain of the Bayesian criterion: from here on a highlight was painted, and no mere stroke
+LOOKED_AT = 4000  # pixels of a surface that its gloss is fitted to, at most
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,6 +33,7 @@ class _Wish:
     live: Live
     now: Lighting
     wanted: Array  # (H, W, 3) what the scene's picture would have to be
+    painted: Array  # (H, W, 3) the painting
     touched: Mask  # (H, W) painted on, where geometry is modelled and lit
     usable: Mask  # (H, W)
 
@@ -46,7 +55,7 @@ def _read(scene: bpy.types.Scene, photo: Photo, painting: Photo) -> Generator[Pr
         raise ReshadeError("The painting is the photo", "Paint on it how it should look, where geometry is modelled")
     wanted = live.was + (wish - live.photo) / gain_of(live.photo, live.was)
     now = read_lighting(scene, live.preview.samples.names, bpy.data.materials)
-    return _Wish(live, now, wanted, touched, usable)
+    return _Wish(live, now, wanted, wish, touched, usable)
 
 
 def solve_lights(
@@ -90,6 +99,44 @@ def solve_colours(scene: bpy.types.Scene, photo: Photo, painting: Photo) -> Gene
     if not found:
         raise ReshadeError("Too little was painted to tell a surface's colour", "Paint over more of the surface")
     return found
+
+
+def solve_gloss(scene: bpy.types.Scene, photo: Photo, painting: Photo) -> Generator[Progress, None, dict[str, Gloss]]:
+    """Find the gloss of each surface on which a highlight was painted, or painted away, by name of its material.
+
+    The lights count as they are now. The scene stays as it is. Raises ReshadeError as `solve_lights`, and where no
+    surface was painted on enough.
+    """
+    wish = yield from shifted(_read(scene, photo, painting), 0.0, 0.5)
+    preview, lights = wish.live.preview, wish.now.lights
+    seen = replace(preview.samples, colour=wish.painted[preview.hit], openness=preview.open())
+    touched = wish.touched[preview.hit]
+    units = [with_strength(light, np.ones(3)) for light in lights]
+    strengths = np.array([strength_of(light) for light in lights])
+    found = {}
+    for number, name in enumerate(seen.names):
+        yield Progress(0.5 + 0.5 * number / len(seen.names), f"Looking for highlights on {name}")
+        of = np.flatnonzero((seen.surface == number) & wish.usable[preview.hit])
+        if touched[of].sum() < FEWEST:
+            continue
+        # What was painted on is asked first: a highlight is small.
+        order = np.argsort(~touched[of], kind="stable")
+        some = of[np.concatenate([order[: LOOKED_AT // 2], order[LOOKED_AT // 2 :: max(1, len(of) // LOOKED_AT)]])]
+        samples = subset(seen, some)
+        lit = np.stack([preview.shaded(unit)[some] for unit in units], axis=1)
+        bare = np.stack([shading(unit, samples.point, samples.normal) for unit in units], axis=1)
+        visible = np.where(bare > 0, lit / np.where(bare > 0, bare, 1.0), 1.0)
+        gloss = GlossFit(samples, Lit(lights, strengths, lit, visible, wish.now.ambient)).fit()
+        found[name] = gloss if gloss.evidence > EVIDENT else MATT
+    if not found:
+        raise ReshadeError("Too little was painted to tell a surface's gloss", "Paint a highlight, or one away")
+    return found
+
+
+def apply_gloss(found: dict[str, Gloss]) -> None:
+    """Give materials the gloss that was found."""
+    for name, gloss in found.items():
+        set_gloss(bpy.data.materials[name], gloss.strength, gloss.width)
 
 
 def apply(scene: bpy.types.Scene, lights: list[Light]) -> None:

@@ -13,6 +13,7 @@ from .operators import (
     RESHADE_OT_import_fspy,
     RESHADE_OT_import_photo,
     RESHADE_OT_paint_colours,
+    RESHADE_OT_paint_gloss,
     RESHADE_OT_preview,
     RESHADE_OT_project_photo,
     RESHADE_OT_reshade,
@@ -141,9 +142,11 @@ class RESHADE_PT_edit(_Step, bpy.types.Panel):
         layout.operator(RESHADE_OT_preview.bl_idname, icon="HIDE_OFF")
         column = layout.column(align=True)
         column.prop(context.scene.reshade, "painting", text="")
+        column.label(text="From the painting:")
         row = column.row(align=True)
-        row.operator(RESHADE_OT_solve_painting.bl_idname, icon="BRUSH_DATA")
-        row.operator(RESHADE_OT_paint_colours.bl_idname, icon="COLOR")
+        row.operator(RESHADE_OT_solve_painting.bl_idname, text="Lights", icon="BRUSH_DATA")
+        row.operator(RESHADE_OT_paint_colours.bl_idname, text="Colours", icon="COLOR")
+        row.operator(RESHADE_OT_paint_gloss.bl_idname, text="Gloss", icon="MATSPHERE")
         _text(layout, context, "Move, dim or turn the light, recolour a material, add objects.", "NONE")
 
 

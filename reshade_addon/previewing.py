@@ -1,7 +1,12 @@
-"""The edited photo at once, in closed form: direct light, shadows and ambient, for the eye while a light is moved."""
+"""The edited photo at once, in closed form: direct light, shadows and ambient, for the eye while a light is moved.
 
+Geometry is read once, and surfaces are matt: what of an edit the preview does not show is told, never left to be found.
+"""
+
+from collections import Counter
 from collections.abc import Generator, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import bpy
 import numpy as np
@@ -10,6 +15,7 @@ from ..core.reshading.change import combine
 from ..core.reshading.preview import Preview
 from ..core.types import Array, Light, Photo, Progress
 from . import reference
+from .geometry import SOLID
 from .scene_read import read_buffers, read_light, read_view
 from .scene_write import colour_socket
 from .texture import resized
@@ -27,12 +33,22 @@ class Lighting:
 
 
 @dataclass(frozen=True, slots=True)
+class Fixed:
+    """What of a scene the preview takes as it was in the reference state; equal where an edit has not touched it."""
+
+    placed: Counter[Any]  # objects by place and size of their mesh
+    gloss: Counter[Any]  # materials by all but their base colour
+    plain_world: bool  # one radiance from everywhere
+
+
+@dataclass(frozen=True, slots=True)
 class Live:
     """A photo and its scene, ready to be shown under any light."""
 
     preview: Preview
     photo: Array  # (h, w, 3)
     was: Array  # (h, w, 3) as the reference state shows it
+    fixed: Fixed
 
     def picture(self, scene: bpy.types.Scene) -> Array:
         """The photo (h, w, 3) as the scene's lights and materials, such as they are now, change it."""
@@ -40,6 +56,16 @@ class Live:
         now = read_lighting(scene, self.preview.samples.names, bpy.data.materials)
         shown = self.preview.picture(now.lights, now.ambient, now.albedo)
         return combine(self.photo, self.was, shown, np.zeros(self.photo.shape[:2]))
+
+    def unshown(self, scene: bpy.types.Scene) -> tuple[str, ...]:
+        """What of the edits so far the preview does not show, in words."""
+        now, then = _fixed(scene, self.preview.samples.names, bpy.data.materials), self.fixed
+        changed = (
+            ("objects that were added, moved or removed", now.placed != then.placed),
+            ("gloss", now.gloss != then.gloss),
+            ("a sky that varies", not now.plain_world),
+        )
+        return tuple(words for words, is_so in changed if is_so)
 
 
 def begin(scene: bpy.types.Scene, photo: Photo) -> Generator[Progress, None, Live]:
@@ -54,8 +80,9 @@ def begin(scene: bpy.types.Scene, photo: Photo) -> Generator[Progress, None, Liv
         for layer in copy.scene.view_layers:
             layer.update()  # what was just loaded has no places in the world yet
         then = read_lighting(copy.scene, buffers.names, copy.materials)
+        fixed = _fixed(copy.scene, buffers.names, copy.materials)
     was = preview.picture(then.lights, then.ambient, then.albedo)
-    return Live(preview, resized(photo.linear, *size), was)
+    return Live(preview, resized(photo.linear, *size), was, fixed)
 
 
 def read_lighting(
@@ -71,14 +98,40 @@ def read_lighting(
     return Lighting([read_light(obj) for obj in shining(scene)], _ambient(scene.world), albedo)
 
 
+def _fixed(scene: bpy.types.Scene, names: tuple[str, ...], materials: Mapping[str, bpy.types.Material]) -> Fixed:
+    solid = [obj for obj in scene.objects if obj.type in SOLID and not obj.hide_render]
+    sizes = [len(obj.data.vertices) if obj.type == "MESH" else 0 for obj in solid]
+    used = [materials[name] for name in names if name in materials]
+    background = _background(scene.world)
+    return Fixed(
+        Counter((np.array(obj.matrix_world).tobytes(), size) for obj, size in zip(solid, sizes, strict=True)),
+        Counter(_but_colour(material) for material in used),
+        background is None or not background.inputs["Color"].is_linked,
+    )
+
+
+def _but_colour(material: bpy.types.Material) -> tuple[Any, ...]:
+    """The values of a material's Principled shader but for its base colour."""
+    shader = next((n for n in material.node_tree.nodes if n.type == "BSDF_PRINCIPLED"), None)
+    inputs = shader.inputs if shader else ()
+    plain = [
+        (one.identifier, one.default_value) for one in inputs if isinstance(getattr(one, "default_value", 0), float)
+    ]
+    return tuple(plain)
+
+
 def shining(scene: bpy.types.Scene) -> list[bpy.types.Object]:
     """The scene's lights as the preview takes them: those that are not hidden, read without a renderer's help."""
     return [obj for obj in scene.objects if obj.type == "LIGHT" and not obj.hide_render]
 
 
 def _ambient(world: bpy.types.World | None) -> Array:
-    nodes = world.node_tree.nodes if world and world.node_tree else ()
-    background = next((node for node in nodes if node.type == "BACKGROUND"), None)
+    background = _background(world)
     if background is None:
         return np.zeros(3) if world is None else np.array(world.color)
     return background.inputs["Strength"].default_value * np.array(background.inputs["Color"].default_value[:3])
+
+
+def _background(world: bpy.types.World | None) -> bpy.types.Node | None:
+    nodes = world.node_tree.nodes if world and world.node_tree else ()
+    return next((node for node in nodes if node.type == "BACKGROUND"), None)

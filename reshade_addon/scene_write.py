@@ -102,11 +102,7 @@ def write_material(
     shader = _bare_principled(material)
     colour = shader.inputs["Base Color"]
     colour.default_value = (*surface.albedo, 1.0)
-    # Blender clamps the level at 1; beyond it the index says how much is mirrored.
-    beyond = surface.specular > 1.0
-    shader.inputs["IOR"].default_value = coat_index(INDEX, surface.specular) if beyond else INDEX
-    shader.inputs["Specular IOR Level"].default_value = 0.5 if beyond else surface.specular
-    shader.inputs["Roughness"].default_value = surface.roughness
+    set_gloss(material, surface.specular, surface.roughness)
     material.diffuse_color = (*surface.albedo, 1.0)
     if texture is not None and group is not None:
         tree = material.node_tree
@@ -121,6 +117,18 @@ def write_material(
         tree.links.new(mix.result, tint.a)
         tint.b.default_value = (1.0, 1.0, 1.0, 1.0)
         tree.links.new(tint.result, colour)
+
+
+def set_gloss(material: bpy.types.Material, specular: float, roughness: float) -> None:
+    """Give a material's Principled shader a coat, and leave all else as it is; without such a shader do nothing."""
+    shader = next((node for node in material.node_tree.nodes if node.type == "BSDF_PRINCIPLED"), None)
+    if shader is None:
+        return
+    # Blender clamps the level at 1; beyond it the index says how much is mirrored.
+    beyond = specular > 1.0
+    shader.inputs["IOR"].default_value = coat_index(INDEX, specular) if beyond else INDEX
+    shader.inputs["Specular IOR Level"].default_value = 0.5 if beyond else specular
+    shader.inputs["Roughness"].default_value = roughness
 
 
 def colour_socket(material: bpy.types.Material) -> bpy.types.NodeSocket | None:

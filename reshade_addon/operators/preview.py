@@ -13,7 +13,7 @@ EVERY = 0.15  # seconds between two looks at the scene
 
 
 class RESHADE_OT_preview(bpy.types.Operator):
-    """Show at once how edits of lights, colours and the world change the photo; Esc ends it. No bounced light"""
+    """Show at once how edits of lights, colours and the world change the photo; says what it leaves out"""
 
     bl_idname = "reshade.preview"
     bl_label = "Live Preview"
@@ -35,7 +35,11 @@ class RESHADE_OT_preview(bpy.types.Operator):
         except ReshadeError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
-        self.report({"INFO"}, f"The preview is the image '{RESULT}'")
+        without = self._live.unshown(context.scene)
+        if without:
+            self.report({"WARNING"}, f"The image '{RESULT}' does not show {', '.join(without)}; Reshade does")
+        else:
+            self.report({"INFO"}, f"The preview is the image '{RESULT}'")
         return {"FINISHED"}
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
@@ -45,7 +49,6 @@ class RESHADE_OT_preview(bpy.types.Operator):
             return done
         self._timer = context.window_manager.event_timer_add(EVERY, window=context.window)
         context.window_manager.modal_handler_add(self)
-        context.workspace.status_text_set("Live preview     Esc: end")
         return {"RUNNING_MODAL"}
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
@@ -70,6 +73,9 @@ class RESHADE_OT_preview(bpy.types.Operator):
         context.workspace.status_text_set(None)
 
     def _show(self, context: bpy.types.Context) -> None:
+        without = ", ".join(("bounced light", *self._live.unshown(context.scene)))
+        if self._timer is not None:
+            context.workspace.status_text_set(f"Live preview, without {without}     Esc: end")
         image = picture_image(RESULT, self._live.picture(context.scene), bpy.data.images.get(RESULT))
         for area in context.screen.areas if context.screen else ():
             if area.type == "IMAGE_EDITOR" and area.spaces.active.image in (None, image):

@@ -130,3 +130,19 @@ def test_the_preview_operator_makes_an_image(explained, load, tmp_path):
     load("reshade_addon.reference").store(scene)
     assert bpy.ops.reshade.preview() == {"FINISHED"}
     assert tuple(bpy.data.images["Reshade preview"].size) == (96, 72)
+
+
+def test_the_preview_says_what_it_does_not_show(explained, load, drain):
+    scene, photo = explained
+    live = drain(load("reshade_addon.previewing").begin(scene, photo))
+    bpy.data.lights[0].energy *= 0.5
+    bpy.data.materials["Ball"].node_tree.nodes["Principled BSDF"].inputs["Base Color"].default_value = (0, 1, 0, 1)
+    assert live.unshown(scene) == ()
+    bpy.data.objects["Ball"].location.x += 0.1
+    bpy.context.view_layer.update()
+    assert live.unshown(scene) == ("objects that were added, moved or removed",)
+    bpy.data.objects["Ball"].location.x -= 0.1
+    bpy.data.objects.remove(bpy.data.objects["Box"])
+    load("reshade_addon.scene_write").set_gloss(bpy.data.materials["Ball"], 0.5, 0.3)
+    bpy.context.view_layer.update()
+    assert live.unshown(scene) == ("objects that were added, moved or removed", "gloss")

@@ -70,6 +70,50 @@ def test_a_stroke_on_the_box_recolours_the_box_alone(explained, load):
         np.testing.assert_allclose(found[name].default_value[:3], ALBEDO[name], rtol=1e-6)
 
 
+@pytest.fixture
+def glossy_picture(explained, load, drain):
+    """What Cycles photographs of the tabletop with a glossy ball."""
+    scene, _ = explained
+    set_gloss = load("reshade_addon.scene_write").set_gloss
+    set_gloss(bpy.data.materials["Ball"], 0.5, 0.35)
+    picture = drain(load("reshade_addon.rendering").render(scene, 64))
+    set_gloss(bpy.data.materials["Ball"], 0.0, 1.0)
+    return picture
+
+
+def test_a_painted_highlight_makes_the_ball_glossy(explained, load, glossy_picture):
+    scene, picture = explained
+    ball = np.abs(glossy_picture - picture).max(axis=2) > 0.01
+    scene.reshade.painting = painting(load, np.where(ball[..., None], glossy_picture, picture))
+    assert bpy.ops.reshade.paint_gloss() == {"FINISHED"}
+    shader = bpy.data.materials["Ball"].node_tree.nodes["Principled BSDF"]
+    assert shader.inputs["Roughness"].default_value == pytest.approx(0.35, rel=0.15)
+    assert shader.inputs["Specular IOR Level"].default_value == pytest.approx(0.5, rel=0.25)
+    floor = bpy.data.materials["Floor"].node_tree.nodes["Principled BSDF"]
+    assert floor.inputs["Specular IOR Level"].default_value == 0.0
+
+
+def test_a_highlight_painted_away_makes_the_ball_matt(explained, load, glossy_picture, tmp_path):
+    scene, picture = explained
+    load("reshade_addon.scene_write").set_gloss(bpy.data.materials["Ball"], 0.5, 0.35)
+    load("reshade_addon.photo_io").write_picture(tmp_path / "glossy.exr", glossy_picture)
+    scene.reshade.photo = bpy.data.images.load(str(tmp_path / "glossy.exr"))
+    scene.reshade.painting = painting(load, picture)
+    assert bpy.ops.reshade.paint_gloss() == {"FINISHED"}
+    shader = bpy.data.materials["Ball"].node_tree.nodes["Principled BSDF"]
+    assert shader.inputs["Specular IOR Level"].default_value == 0.0
+
+
+def test_the_command_makes_gloss(explained, load, tmp_path, glossy_picture):
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
+    load("reshade_addon.photo_io").write_picture(tmp_path / "painted.exr", glossy_picture)
+    arguments = ["paint", "--scene", str(tmp_path / "scene.blend"), "--painting", str(tmp_path / "painted.exr")]
+    assert load("reshade_addon.cli").main([*arguments, "--solve", "gloss", "--output", str(tmp_path / "o.blend")]) == 0
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "o.blend"))
+    shader = bpy.data.materials["Ball"].node_tree.nodes["Principled BSDF"]
+    assert shader.inputs["Roughness"].default_value == pytest.approx(0.35, rel=0.15)
+
+
 def test_the_command_writes_the_scene(explained, load, tmp_path):
     _, picture = explained
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
