@@ -22,7 +22,6 @@ from .scene_write import colour_socket, set_gloss, set_strength
 from .texture import resized
 
 FEWEST = 20  # painted pixels that recolour a surface: less is a stroke's edge
-EVIDENT = 3.0  # gain of the Bayesian criterion: from here on a highlight was painted, and no mere stroke
 LOOKED_AT = 4000  # pixels of a surface that its gloss is fitted to, at most
 
 
@@ -127,7 +126,7 @@ def solve_gloss(scene: bpy.types.Scene, photo: Photo, painting: Photo) -> Genera
         bare = np.stack([shading(unit, samples.point, samples.normal) for unit in units], axis=1)
         visible = np.where(bare > 0, lit / np.where(bare > 0, bare, 1.0), 1.0)
         gloss = GlossFit(samples, Lit(lights, strengths, lit, visible, wish.now.ambient)).fit()
-        found[name] = gloss if gloss.evidence > EVIDENT else MATT
+        found[name] = gloss if gloss.evidence > 0 else MATT  # what a painter adds is meant, not noise
     if not found:
         raise ReshadeError("Too little was painted to tell a surface's gloss", "Paint a highlight, or one away")
     return found
