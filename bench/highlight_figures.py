@@ -19,8 +19,8 @@ from ..core.progress import drain
 from ..core.types import Array, Mask, Photo
 
 SIDE = 240
-SHOWN = ("lee", "klinker", "auto")
-MARGIN, LINE = 12, 22
+SHOWN = {"lee": "Lee, outlined", "klinker": "Klinker, outlined", "auto": "auto, photo alone"}
+MARGIN, LINE, TITLE, NUMBER = 12, 30, 20, 18
 OUTLINED, ROOM = 0.02, 12  # an outline goes round this share of a highlight's peak, with so many pixels of matt surface
 
 
@@ -46,11 +46,19 @@ def examples() -> list[Example]:
     rings = np.sin(38 * (x + 0.25 * _noise(rng, 30)) + 3 * _noise(rng, 18))
     wood = np.array([0.5, 0.27, 0.12]) * (0.75 + 0.25 * rings + 0.08 * _noise(rng, 1))[..., None]
     return [
-        _example("Apple: smooth, spread out, clipped", *ball, apple, 0.22, 0.7, ceiling=0.85),
-        _example("Jalapeno: narrow, not clipped", *_ball(x, y * 1.6, 0.9), skin, 0.07, 0.35),
-        _example("Small grain", *plate, grain, 0.12, 0.35),
-        _example("Wood", *plate, wood, 0.12, 0.35),
-        _example("Pop can: label, clipped", *cylinder, _label(x, y), 0.1, 1.2, ceiling=0.9),
+        _example(
+            "Figure 3.8, an apple: smooth; the highlight is broad and clipped", *ball, apple, 0.22, 0.7, ceiling=0.85
+        ),
+        _example(
+            "Figure 3.9, a jalapeno: the highlight is narrow and not clipped", *_ball(x, y * 1.6, 0.9), skin, 0.07, 0.35
+        ),
+        _example(
+            "Figure 3.12, small grain: no two pixels alike; the highlight is broad and faint", *plate, grain, 0.12, 0.35
+        ),
+        _example("Figure 3.13, wood: coarse grain; the highlight is broad and faint", *plate, wood, 0.12, 0.35),
+        _example(
+            "Figure 3.14, a pop can: a label, clipped right across", *cylinder, _label(x, y), 0.1, 1.2, ceiling=0.9
+        ),
     ]
 
 
@@ -61,22 +69,23 @@ def write_figures(path: Path) -> None:
     page = Image.new(
         "RGB", (columns * (SIDE + MARGIN) + MARGIN, len(every) * (SIDE + 2 * LINE + MARGIN) + LINE), "white"
     )
-    draw, face = ImageDraw.Draw(page), ImageFont.load_default(15)
+    draw, face, small = ImageDraw.Draw(page), ImageFont.load_default(TITLE), ImageFont.load_default(NUMBER)
     for row, example in enumerate(every):
         top = MARGIN + row * (SIDE + 2 * LINE + MARGIN)
         draw.text((MARGIN, top), example.title, "black", face)
-        cells = [("photo", example.image, _error(example, example.image)), ("truth", example.diffuse, None)]
-        for method in SHOWN:
+        cells = [("photo", example.image), ("true diffuse part", example.diffuse)]
+        for method, title in SHOWN.items():
             clipped = np.zeros(example.image.shape[:2], dtype=bool)
             outline = None if method == "auto" else example.outline
-            result = drain(split(Photo(example.image, clipped), method, outline)).diffuse
-            cells.append((method, result, _error(example, result)))
-        for column, (name, picture, error) in enumerate(cells):
+            cells.append((title, drain(split(Photo(example.image, clipped), method, outline)).diffuse))
+        best = max(_error(example, result) for _, result in cells[2:])
+        for column, (name, picture) in enumerate(cells):
             left = MARGIN + column * (SIDE + MARGIN)
             pixels = np.rint(255 * np.clip(linear_to_srgb(picture), 0, 1)).astype(np.uint8)
             page.paste(Image.fromarray(pixels), (left, top + LINE))
+            error = _error(example, picture) if picture is not example.diffuse else None
             said = name if error is None else f"{name}: {error:.1f} dB"
-            draw.text((left, top + LINE + SIDE + 2), said, "black", face)
+            draw.text((left, top + LINE + SIDE + 4), said, "darkgreen" if error == best else "black", small)
             print(f"{example.title}: {said}")
     path.parent.mkdir(parents=True, exist_ok=True)
     page.save(path, optimize=True)

@@ -12,7 +12,8 @@ from ..core.color import srgb_to_linear
 from ..core.errors import ReshadeError
 from ..core.highlights import Split
 from ..core.types import Array, Photo
-from .photo_image import picture_image
+from .dehighlight import LARGE
+from .photo_image import by_rows, picture_image
 
 SHOWN = (
     ("IMAGE", "Original", "The image with its highlights"),
@@ -37,7 +38,7 @@ def read(image: bpy.types.Image) -> tuple[Photo, Array]:
         if image.alpha_mode == "PREMUL":
             colour = colour / np.maximum(alpha, 1e-6)[..., None]
     elif _encoded(image):
-        colour = srgb_to_linear(colour)
+        colour = by_rows(srgb_to_linear, colour)
     return Photo(colour, np.zeros(alpha.shape, dtype=bool)), alpha
 
 
@@ -45,10 +46,11 @@ def keep(image: bpy.types.Image, split: Split) -> None:
     """Keep what was found beside the image, and show the result in its place."""
     kept = image.reshade_highlights
     photo, alpha = read(image)
-    kept.removed = picture_image(f"{image.name} highlights", photo.linear - split.diffuse, kept.removed)
-    mask = np.repeat(split.mask()[..., None].astype(np.float64), 3, axis=2)
+    removed = photo.linear - split.diffuse
+    kept.removed = picture_image(f"{image.name} highlights", removed, kept.removed)
+    mask = np.broadcast_to(split.mask()[..., None], removed.shape)
     kept.mask = picture_image(f"{image.name} highlight mask", mask, kept.mask, encoded=True)
-    _fill_result(image, photo.linear, alpha, photo.linear - split.diffuse)
+    _fill_result(image, photo.linear, alpha, removed)
     kept.show = "RESULT"
 
 
@@ -128,7 +130,7 @@ def _fill_result(image: bpy.types.Image, linear: Array, alpha: Array, removed: A
     if image.is_float:
         rest = rest * alpha[..., None] if image.alpha_mode == "PREMUL" else rest
     elif not _encoded(image):
-        rest = srgb_to_linear(rest)  # which `picture_image` undoes: the values are data, kept as they are
+        rest = by_rows(srgb_to_linear, rest)  # which `picture_image` undoes: the values are data, kept as they are
     before = kept.result
     kept.result = picture_image(name, np.dstack([rest, alpha]), before, encoded=not image.is_float)
     kept.result.colorspace_settings.name = image.colorspace_settings.name
@@ -140,12 +142,14 @@ def _encoded(image: bpy.types.Image) -> bool:
 
 
 def _pixels(image: bpy.types.Image) -> Array:
-    """An image's stored values (H, W, 4), top row first."""
+    """An image's stored values (H, W, 4), top row first; of a large one as they are stored, float32."""
     width, height = image.size
     values = np.empty(width * height * image.channels, dtype=np.float32)
     image.pixels.foreach_get(values)
-    values = values.reshape(height, width, image.channels)[::-1].astype(np.float64)
+    values = values.reshape(height, width, image.channels)[::-1]
+    if width * height < LARGE:
+        values = values.astype(np.float64)
     if image.channels == 4:
         return values
     colour = values[..., :3] if image.channels == 3 else np.repeat(values[..., :1], 3, axis=2)
-    return np.dstack([colour, np.ones((height, width))])
+    return np.dstack([colour, np.ones((height, width), dtype=values.dtype)])

@@ -1,5 +1,6 @@
 """The photo as a Blender image, packed into the .blend as the very file it came from."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import bpy
@@ -9,6 +10,8 @@ from ..core.color import linear_to_srgb
 from ..core.errors import ReshadeError
 from ..core.types import Array, Photo
 from .photo_io import read_packed, read_photo
+
+_ROWS = 64  # converted at a time
 
 
 def load_image(path: str | Path) -> bpy.types.Image:
@@ -41,6 +44,14 @@ def read_image(image: bpy.types.Image) -> Photo:
     return read_photo(bpy.path.abspath(image.filepath))
 
 
+def by_rows(function: Callable[[Array], Array], values: Array) -> Array:
+    """A function of single values applied a few rows at a time, so that of a large picture no more copies are made."""
+    out = np.empty(values.shape, dtype=values.dtype)
+    for row in range(0, len(values), _ROWS):
+        out[row : row + _ROWS] = function(values[row : row + _ROWS])
+    return out
+
+
 def picture_image(
     name: str, linear: Array, old: bpy.types.Image | None = None, *, encoded: bool = False
 ) -> bpy.types.Image:
@@ -56,7 +67,7 @@ def picture_image(
     pixels = np.ones((height, width, 4), dtype=np.float32)
     pixels[..., : linear.shape[2]] = linear[::-1]
     if encoded:
-        pixels[..., :3] = linear_to_srgb(pixels[..., :3])
+        pixels[..., :3] = by_rows(linear_to_srgb, pixels[..., :3])
     image.pixels.foreach_set(pixels.ravel())
     image.update()
     image.pack()
