@@ -3,6 +3,8 @@
     python -m reshade.bench.highlights table DATA           every method on the pairs under DATA
     python -m reshade.bench.highlights leave-one-out DATA   settings chosen on all pairs but one, scored on that one
     python -m reshade.bench.highlights hard DATA            under a tinted light, and with highlights clipped
+    python -m reshade.bench.highlights matt DATA            what is taken from diffuse parts, without highlights
+    python -m reshade.bench.highlights disturbed DATA       photos cropped, resized, darker, noisy, warmer
     python -m reshade.bench.highlights figures              docs/pictures/highlights_thesis.png
 
 DATA holds NAME.* beside NAME_gt.* (photo and its diffuse part), or folders with original.png, diffuse.png and mask.png,
@@ -18,6 +20,7 @@ from pathlib import Path
 from time import perf_counter
 
 import numpy as np
+from scipy import ndimage
 
 from ..core.highlights import METHODS, auto, evidence, specular_free, split
 from ..core.progress import drain
@@ -169,6 +172,44 @@ def hard(folder: Path) -> None:
         print(f"| {pair.name} | {last} |", flush=True)
 
 
+def matt(folder: Path) -> None:
+    """Print how much `auto` changes the pairs' diffuse parts: they hold no highlights, so all of it is wrong."""
+    print("| diffuse part of | mean change, % | seen as highlight, % of the photo |\n|---|---|---|")
+    for pair in pairs(folder):
+        diffuse = np.where(pair.mask[..., None], pair.diffuse, 0.0)
+        found = drain(split(Photo(diffuse, np.zeros(pair.mask.shape, dtype=bool))))
+        change = 100 * float(np.abs(found.diffuse - diffuse).mean() / diffuse.mean())
+        print(f"| {pair.name} | {change:.2f} | {100 * float(found.mask().mean()):.2f} |", flush=True)
+
+
+def disturbed(folder: Path) -> None:
+    """Print `auto`'s gains on the pairs as they are and slightly changed: near a threshold's cliff they would jump."""
+    noise = np.random.default_rng(0)
+    changes: dict[str, Callable[[Array], Array]] = {
+        "as it is": lambda x: x,
+        "0.8 times as bright": lambda x: 0.8 * x,
+        "7 % cropped off each side": lambda x: x[tuple(slice(n * 7 // 100, n - n * 7 // 100) for n in x.shape[:2])],
+        "0.8 times as large": lambda x: ndimage.zoom(x, (0.8, 0.8, 1), order=1),
+        "1.3 times as large": lambda x: ndimage.zoom(x, (1.3, 1.3, 1), order=1),
+        "warmer": lambda x: x * [1.0, 0.97, 0.92],
+        "mirrored": lambda x: x[:, ::-1],
+        "noise of 1.5/255": lambda x: x,
+    }
+    print("Gain over doing nothing / the same in highlights, dB\n")
+    print("| photo | " + " | ".join(changes) + " |\n|---|" + "---|" * len(changes))
+    for pair in pairs(folder):
+        cells = []
+        for name, change in changes.items():
+            mask = change(np.repeat(pair.mask[..., None].astype(np.float64), 3, axis=2))[..., 0] > 0.5
+            image, diffuse = (np.ascontiguousarray(change(x)) for x in (pair.image, pair.diffuse))
+            if name.startswith("noise"):
+                image = np.clip(image + noise.normal(0, 1.5 / 255, image.shape), 0, 1)
+            found = drain(split(Photo(image, np.zeros(mask.shape, dtype=bool))))
+            got = score(Pair(pair.name, image, diffuse, mask), found.diffuse)
+            cells.append(f"{got.gain:+.1f}" + ("" if np.isnan(got.inside) else f" / {got.inside:+.1f}"))
+        print(f"| {pair.name} | " + " | ".join(cells) + " |", flush=True)
+
+
 def _halved(pair: Pair) -> Pair:
     height, width = (n // 2 * 2 for n in pair.mask.shape)
     corners = [(slice(i, height, 2), slice(j, width, 2)) for i in (0, 1) for j in (0, 1)]
@@ -200,10 +241,13 @@ def _values(path: Path) -> Array:
     return stored / (65535 if stored.max() > 255 else 255)
 
 
+COMMANDS = {"table": table, "leave-one-out": leave_one_out, "hard": hard, "matt": matt, "disturbed": disturbed}
+
+
 def main() -> None:
     """Run what the command line asks for."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("what", choices=("table", "leave-one-out", "hard", "figures"))
+    parser.add_argument("what", choices=(*COMMANDS, "figures"))
     parser.add_argument("data", nargs="?", type=Path)
     arguments = parser.parse_args()
     if arguments.what == "figures":
@@ -211,7 +255,7 @@ def main() -> None:
     elif arguments.data is None:
         parser.error("which DATA?")
     else:
-        {"table": table, "leave-one-out": leave_one_out, "hard": hard}[arguments.what](arguments.data)
+        COMMANDS[arguments.what](arguments.data)
 
 
 if __name__ == "__main__":
