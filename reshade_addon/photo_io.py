@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from ..core.color import linear_to_srgb, srgb_to_linear
 from ..core.errors import NothingToLearn, ReshadeError
@@ -86,17 +86,28 @@ def read_linear(path: str | Path) -> Array:
     return _read(Path(path))[0].astype(np.float64)
 
 
-def read_passes(path: str | Path) -> dict[str, Array]:
-    """Read a multilayer EXR's colour passes (H, W, 3) by name; Blender writes each as a part, or all as one."""
+def read_pass(path: str | Path, *names: str) -> NDArray[np.float32]:
+    """Read the first of these passes that a multilayer EXR has, (H, W, 3), and nothing else of it.
+
+    Blender writes each pass as a part, or all as one. Raises KeyError where the file has none of them.
+    """
     import OpenImageIO as oiio
 
-    channels: dict[str, Array] = {}
-    for number in range(oiio.ImageBuf(str(path)).nsubimages):
-        buffer = oiio.ImageBuf(str(path), number, 0)
-        pixels = buffer.get_pixels(oiio.FLOAT)
-        channels |= {name: pixels[..., i] for i, name in enumerate(buffer.spec().channelnames)}
-    layers = {name.rsplit(".", 1)[0] for name in channels if name.endswith(".R")}
-    return {layer.split(".")[-1]: np.stack([channels[f"{layer}.{c}"] for c in "RGB"], axis=-1) for layer in layers}
+    file = oiio.ImageInput.open(str(path))
+    try:
+        part = 0
+        while file.seek_subimage(part, 0):
+            channels = file.spec().channelnames
+            for channel in channels:
+                if any(f".{channel}".endswith(f".{name}.R") for name in names):
+                    order = [channels.index(channel[:-1] + letter) for letter in "RGB"]
+                    first, last = min(order), max(order) + 1
+                    pixels = file.read_image(part, 0, first, last, oiio.FLOAT)
+                    return np.ascontiguousarray(pixels[..., [at - first for at in order]])
+            part += 1
+    finally:
+        file.close()
+    raise KeyError(f"{path} has no pass {' or '.join(names)}")
 
 
 def write_layers(path: str | Path, layers: Mapping[str, ArrayLike]) -> None:

@@ -7,10 +7,11 @@ from pathlib import Path
 
 import bpy
 import numpy as np
+from numpy.typing import NDArray
 
 from ..core.errors import ReshadeError
 from ..core.types import Array, Progress
-from .photo_io import read_linear, read_passes
+from .photo_io import read_linear, read_pass
 from .render_depsgraph import first_layer, settings
 
 CHUNK = 64  # samples between two looks at the clock: a picture of so many is made without a pause
@@ -47,7 +48,7 @@ def _render_once(scene: bpy.types.Scene, samples: int, seed: int, direct_only: b
         return read_linear(path)
 
 
-def render_passes(scene: bpy.types.Scene, samples: int) -> Generator[Progress, None, dict[str, Array]]:
+def render_passes(scene: bpy.types.Scene, samples: int) -> Generator[Progress, None, dict[str, NDArray[np.float32]]]:
     """Render a scene's albedo, the light on it and its highlights, each linear (H, W, 3), by those names."""
     yield Progress(0.0, "Rendering albedo, shading and highlights")
     layer = first_layer(scene)
@@ -65,18 +66,13 @@ def render_passes(scene: bpy.types.Scene, samples: int) -> Generator[Progress, N
         bpy.ops.render.render(scene=scene.name, layer=layer.name, write_still=True)
         if not path.is_file():
             raise ReshadeError("Cycles did not render the scene", "Render it once by hand to see Blender's message")
-        passes = read_passes(path)
-
-    def found(*names: str) -> Array:
-        return next(passes[name] for name in names if name in passes)
-
-    diffuse = found("Diffuse Direct", "DiffDir") + found("Diffuse Indirect", "DiffInd")
-    glossy = found("Glossy Direct", "GlossDir") + found("Glossy Indirect", "GlossInd")
-    return {
-        "Albedo": found("Diffuse Color", "DiffCol"),
-        "Shading": diffuse,
-        "Specular": glossy * found("Glossy Color", "GlossCol"),
-    }
+        # One after the other: of a large photo all of them together take gigabytes.
+        parts = {}
+        for name, new, old in (("Shading", "Diffuse", "Diff"), ("Specular", "Glossy", "Gloss")):
+            parts[name] = read_pass(path, f"{new} Direct", f"{old}Dir")
+            parts[name] += read_pass(path, f"{new} Indirect", f"{old}Ind")
+        parts["Specular"] *= read_pass(path, "Glossy Color", "GlossCol")
+        return {"Albedo": read_pass(path, "Diffuse Color", "DiffCol"), **parts}
 
 
 @contextmanager

@@ -347,6 +347,8 @@ def _mirrored_centres(samples: Samples, lit: Lit) -> Array:
 
 def _incidence(samples: Samples, lit: Lit) -> Array:
     """Cosine (N,) at which a facet mirrors the strongest light to the viewer."""
+    if not len(samples):
+        return np.ones(0)
     strongest = lit.lights[int(np.argmax(lit.strengths.sum(axis=1) * lit.shading.mean(axis=0)))]
     between = np.einsum("ij,ij->i", towards(strongest, samples.point), samples.view)
     return np.sqrt(np.clip((1 + between) / 2, 1e-6, 1.0))
