@@ -3,7 +3,7 @@
 import bpy
 
 from ...core.errors import ReshadeError
-from .. import missing
+from .. import highlights, missing
 from ..setup import project_photo
 
 
@@ -28,5 +28,6 @@ class RESHADE_OT_project_photo(bpy.types.Operator):
         except ReshadeError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
+        highlights.show(context.scene.reshade.photo)  # without its highlights, where that was chosen
         self.report({"INFO"}, f"{count} objects show the photo")
         return {"FINISHED"}

@@ -78,6 +78,23 @@ def test_materials_show_what_is_chosen(shown, photo):
         assert shown.image == image
 
 
+def test_the_projection_shows_the_result_at_once_and_when_projected_anew(tabletop, load, tmp_path):
+    load("reshade_addon.photo_io").write_picture(tmp_path / "balls.png", picture()[0])
+    bpy.ops.reshade.import_photo(filepath=str(tmp_path / "balls.png"))
+    bpy.ops.reshade.project_photo()
+    photo = tabletop.reshade.photo
+
+    def projected():
+        trees = [material.node_tree for material in bpy.data.materials if material.node_tree]
+        return {node.image for tree in trees for node in tree.nodes if node.type == "TEX_IMAGE" and node.image}
+
+    assert projected() == {photo}
+    bpy.ops.reshade.remove_highlights(image=photo.name)
+    assert projected() == {photo.reshade_highlights.result}
+    bpy.ops.reshade.project_photo()
+    assert projected() == {photo.reshade_highlights.result}
+
+
 def test_again_brings_the_same_images_up_to_date(shown, photo):
     bpy.ops.reshade.remove_highlights()
     count = len(bpy.data.images)
