@@ -83,7 +83,7 @@ def main(arguments: list[str]) -> int:
         linear = read(chosen.data / f"gray.{number}.png")
         photo = Photo(linear, (linear >= 1.0).any(axis=2))
         found = drain(estimate(photo, camera, buffers, misses_sphere, model=chosen.model))
-        (light,) = found.lights
+        light = found.lights[0]
         way = towards(light)
         errors.append(float(np.degrees(np.arctan2(np.linalg.norm(np.cross(way, truth)), way @ truth))))
         print(f"{number}: {found.chosen}, {np.round(way, 3)} (measured {truth}), {errors[-1]:.2f} degrees", flush=True)

@@ -13,7 +13,7 @@ import numpy as np
 from .color import linear_to_srgb
 from .light.hints import Hint
 from .light.polish import finished, polished
-from .light.search import search
+from .light.search import Searched, search, with_second, without_highlights
 from .light.sight import Asked, Effort, Sight, asked, look
 from .light.uncertainty import uncertainty_of
 from .materials.radiometric import SCALE, left_over
@@ -82,9 +82,11 @@ def estimate(
     sight, samples = look(photo, camera, buffers, visible, meets, effort.samples)
     clock.mark("samples")
     steps = search(sight, samples, effort, model=model, start=start, solver=solver, hints=hints)
-    found = yield from shifted(steps, 0.0, 0.7)
+    found = yield from shifted(steps, 0.0, 0.6)
     if found is None:
         return _failed("No place for a light explains any of the shading: check the camera and the geometry", clock)
+    if model == "auto" and solver == "trust-region":
+        found = yield from shifted(_perhaps_two(sight, found, quality), 0.6, 0.7)
     clock.mark("fit")
     fit, here, there = found.fit, found.asked, found.asked
     others = (found.second.light,) if found.second else ()
@@ -152,6 +154,22 @@ def solve(
     unknown = (None,) * len(lights)
     result = _assembled(photo, here.samples, tuple(lights), materials, unknown, "given lights", clock)
     return replace(result, scale=scale, surfaces=united(result.surfaces, samples.names))
+
+
+def _perhaps_two(sight: Sight, one: Searched, quality: str) -> Generator[Progress, None, Searched]:
+    """The light found, with a second where the photo demands one even when highlights are taken out of it."""
+    effort = EFFORTS[quality]
+    two = yield from shifted(with_second(sight, one, effort), 0.0, 0.4)
+    if two.second is None:
+        return two
+    materials = yield from shifted(_materials(sight, one.asked, (one.fit.light,), quality, bounce=one.bounce), 0.4, 0.5)
+    if materials.matt is None:
+        return two
+    bare = yield from shifted(without_highlights(sight, one, materials.matt, effort), 0.5, 0.6)
+    two = yield from shifted(with_second(sight, bare, effort), 0.6, 1.0)
+    seen = one.asked.samples
+    shown = replace(two.asked.samples, colour=seen.colour, weight=seen.weight)
+    return replace(two, asked=replace(two.asked, samples=shown))
 
 
 def united(surfaces: Sequence[Surface], names: Sequence[str]) -> tuple[Surface, ...]:

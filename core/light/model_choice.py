@@ -6,8 +6,9 @@ import numpy as np
 
 from ..radiance.lights import coordinates, reach_of
 from ..types import AreaLight, PointLight, SunLight
+from .covariance import CELLS, patches
 from .fit import LightFit
-from .problem import Problem, State, score
+from .problem import Problem, State, score, spread_of
 
 _AS_WELL = 0.05  # of negative log likelihood a sample: residuals 5 % larger are no evidence, models are never exact
 # ... unless that is much of what the photo shows: root mean square of what one light explains and another does not, of
@@ -17,6 +18,7 @@ _MUCH = 0.01
 # cent, which anything unmodelled outweighs: it has to explain clearly more than a point.
 _FAR, _CLEARLY = 10.0, 0.3
 _NO_POINT = 100.0  # extents: a point as far is a sun
+_OUTLIER = 3.0  # spreads: a residual beyond counts as one there
 _SIMPLER = (SunLight, PointLight, AreaLight)
 
 
@@ -29,6 +31,18 @@ def criterion(fit: LightFit, problem: Problem) -> float:
 def at_rest(fit: LightFit, problem: Problem) -> State:
     """The state a fit ended in, on the samples of `problem`."""
     return problem.state(fit.light, np.log(np.maximum(fit.strength, 1e-300)), fit.around, 1.0)
+
+
+def independent_count(problem: Problem, fit: LightFit) -> float:
+    """Estimate how many independent residuals a fit leaves: fewer than samples where those of a patch belong together.
+
+    The mean square of patches' sums over that of independent ones says how many stand for one; the most of all sizes.
+    """
+    state = at_rest(fit, problem)
+    unit = np.clip(state.residual(problem) / spread_of(problem, state), -_OUTLIER, _OUTLIER)
+    sums = [np.bincount(patches(problem.samples, cells), unit) for cells in CELLS]
+    alike = max(float((total**2).sum() / max((unit**2).sum(), 1e-300)) for total in sums)
+    return len(unit) / max(alike, 1.0)
 
 
 def choose(fits: Sequence[LightFit], scores: Sequence[float], problem: Problem, extent: float) -> int:

@@ -14,6 +14,8 @@ from .sight import Asked, Effort, Sight
 
 _GAIN = 0.1  # of negative log likelihood a sample: what several albedos a surface have to explain
 
+_SIZES = 4  # of `resized`, not rolled: the last fits turn a light that is the right size
+
 
 @dataclass(frozen=True, slots=True)
 class Divided:
@@ -47,7 +49,7 @@ def divided(
         return None
     better = yield from fitted(parts, apart.light, 0.4, 0.55)
     # The sides were found with the albedos' edges in the way, so others have their turn again.
-    others = resized(better.light) if isinstance(better.light, AreaLight) else []
+    others = resized(better.light)[:_SIZES] if isinstance(better.light, AreaLight) else []
     for i, other in enumerate(others):
         begin = 0.55 + 0.3 * i / len(others)
         fit = yield from fitted(parts, other, begin, begin + 0.3 / len(others))

@@ -49,7 +49,9 @@ class Searched:
 
     name: str  # of the model: area, point or sun
     fit: LightFit
-    asked: Asked
+    asked: Asked  # surfaces divided by albedo where that explains more
+    whole: Asked  # the same samples, surfaces as they are
+    places: tuple[Light, ...]  # where else a light may be
     second: LightFit | None
     candidates: tuple[Candidate, ...]
     starts: tuple[Start, ...]
@@ -92,7 +94,7 @@ def search(
     tried = _models(model, rough, suns, effort.finalists, sight.middle)
     if solver != "trust-region":  # a baseline's result is left as it found it
         name, fit, candidates = yield from shifted(_finals(sight, here, effort, tried, solver), 0.45, 1.0)
-        return Searched(name, fit, here, None, candidates, found)
+        return Searched(name, fit, here, here, (), None, candidates, found)
     label, places = cut(sight.photo, sight.buffers), [*(one.light for one in rough[: effort.starts]), *suns]
     parts = yield from shifted(divided(sight, here, effort, tried[0][1], label), 0.45, 0.5)
     if parts is not None:
@@ -103,21 +105,34 @@ def search(
         last = polished(sight, whole, fit.light, effort)
     else:
         last = polished_with_regions(sight, whole, fit, effort, label)
-    fit, there = yield from shifted(last, 0.8, 0.9)
-    if model != "auto":
-        return Searched(name, fit, there, None, candidates, found)
-    pair, considered = yield from shifted(second_light(sight, whole, fit, effort, places), 0.9, 0.95)
-    if parts is not None:
+    fit, there = yield from shifted(last, 0.8, 1.0)
+    return Searched(name, fit, there, whole, tuple(places), None, candidates, found)
+
+
+def with_second(sight: Sight, one: Searched, effort: Effort) -> Generator[Progress, None, Searched]:
+    """The same with a second light, where the photo demands one, and with what was considered."""
+    pair, considered = yield from shifted(second_light(sight, one.whole, one.fit, effort, one.places), 0.0, 0.5)
+    there = one.whole
+    if one.asked.samples.names != one.whole.samples.names and not (pair and pair.score < one.fit.score + _AS_WELL):
         # What another light draws on a surface has edges, too: it says the same with fewer numbers, or less.
-        if pair and pair.score < fit.score + _AS_WELL:
-            there = whole
-        else:
-            pair, considered = yield from shifted(second_light(sight, there, fit, effort, places), 0.95, 1.0)
-    candidates = (*candidates, considered)
+        there = one.asked
+        pair, considered = yield from shifted(second_light(sight, there, one.fit, effort, one.places), 0.5, 1.0)
+    one = replace(one, candidates=(*one.candidates, considered))
     if pair is None:
-        return Searched(name, fit, there, None, candidates, found)
-    beside = there.beside(sight, pair.other.light, effort.polish_rays)
-    return Searched(name, pair.main, beside, pair.other, candidates, found)
+        return one
+    return replace(
+        one, fit=pair.main, asked=there.beside(sight, pair.other.light, effort.polish_rays), second=pair.other
+    )
+
+
+def without_highlights(
+    sight: Sight, one: Searched, matt: Samples, effort: Effort
+) -> Generator[Progress, None, Searched]:
+    """The same light fitted anew to samples of the same pixels that show what they would without highlights."""
+    asked = replace(one.asked, samples=matt)
+    bare = replace(one.whole.samples, colour=matt.colour, weight=matt.weight)
+    fit, asked = yield from polished(sight, asked, one.fit.light, effort)
+    return replace(one, fit=fit, asked=asked, whole=replace(one.whole, samples=bare))
 
 
 def _starts(sight: Sight, samples: Samples, effort: Effort, model: str, hints: Sequence[Hint]) -> tuple[Start, ...]:

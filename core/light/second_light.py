@@ -11,14 +11,17 @@ import time
 from collections.abc import Generator, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
+from math import comb
 
 import numpy as np
 
 from ..photo.samples import first
 from ..progress import watched
+from ..radiance.lights import coordinates
 from ..types import Candidate, Light, Progress
 from .cues import grid
 from .fit import LightFit, fit_light, with_covariance
+from .model_choice import independent_count
 from .problem import brightness
 from .sight import Asked, Effort, Sight
 from .starts import Judge, find_starts
@@ -50,6 +53,8 @@ def second_light(
     """Look for a second light; returns the pair, or None where one light does, and what was considered.
 
     only : the fit of one light; places : where else one light may be
+    The pair has to explain more by the Bayesian criterion, of as many samples as are independent: texture and whatever
+    a model leaves out belong together over patches, and another light is soon found that explains a few of them.
     The candidate's score is the gain, negative as lower is better.
     """
     began, message = time.perf_counter(), "Looking for a second light"
@@ -58,6 +63,10 @@ def second_light(
     def considered(gain: float) -> Candidate:
         return Candidate(NAME, -gain, time.perf_counter() - began)
 
+    weight = here.samples.weight
+    level = float(np.average(brightness(here.samples), weights=weight))
+    if np.average(only.residual**2, weights=weight) < (_MUCH * level) ** 2:
+        return None, considered(0.0)
     begun = _pairs(sight, here, only, effort, places)
     count, rays, share = 2 * effort.fit_samples, effort.polish_rays, 0.9 / max(len(begun), 1)
 
@@ -84,13 +93,16 @@ def second_light(
     assert best is not None
     main, other = best
     gain = one.score - other.score
-    samples = first(here.samples, count)
-    level = float(np.average(brightness(samples), weights=samples.weight))
-    explained = np.average(one.residual**2 - other.residual**2, weights=samples.weight)
-    if gain < _GAIN or explained < (_MUCH * level) ** 2:
+    explained = np.average(one.residual**2 - other.residual**2, weights=weight[:count])
+    both = here.beside(sight, main.light, rays)
+    told = independent_count(both.problem(sight, count, rays), other)
+    # Of many pairs the best was chosen, which costs as well.
+    price = (coordinates(other.light) + 1) * np.log(told) + 2 * np.log(
+        max(comb(len(places) + _STARTS + _SUNS + 1, 2), 1)
+    )
+    if gain < _GAIN or explained < (_MUCH * level) ** 2 or 2 * told * gain < price:
         return None, considered(gain)
-    falls = other.around[-1] * here.beside(sight, main.light, rays).others.mean()
-    left = other.score
+    falls, left = other.around[-1] * both.others.mean(), other.score
     main, other = (main, other) if falls > other.shading.mean() else (other, main)
     beside_main = here.beside(sight, main.light, rays).problem(sight, count, rays)
     return Pair(main, with_covariance(beside_main, other), left), considered(gain)
