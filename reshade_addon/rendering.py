@@ -1,7 +1,7 @@
 """Renders by Cycles as linear float pictures, with the user's render settings untouched."""
 
 import tempfile
-from collections.abc import Generator, Iterator
+from collections.abc import Generator, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
@@ -15,6 +15,7 @@ from .photo_io import read_linear, read_pass
 from .render_depsgraph import first_layer, settings
 
 CHUNK = 64  # samples between two looks at the clock: a picture of so many is made without a pause
+TOGETHER = 8_000_000  # pixels of which all passes are rendered together
 
 
 def render(
@@ -49,30 +50,45 @@ def _render_once(scene: bpy.types.Scene, samples: int, seed: int, direct_only: b
 
 
 def render_passes(scene: bpy.types.Scene, samples: int) -> Generator[Progress, None, dict[str, NDArray[np.float32]]]:
-    """Render a scene's albedo, the light on it and its highlights, each linear (H, W, 3), by those names."""
+    """Render a scene's albedo, the light on it and its highlights, each linear (H, W, 3), by those names.
+
+    Of a large photo all passes together take Blender gigabytes: it is rendered once for each kind of them.
+    """
     yield Progress(0.0, "Rendering albedo, shading and highlights")
+    together = scene.render.resolution_x * scene.render.resolution_y <= TOGETHER
+    diffuse = glossy = None
+    for kinds in (("diffuse", "glossy"),) if together else (("diffuse",), ("glossy",)):
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "passes.exr"
+            _write_passes(scene, samples, kinds, path)
+            if "diffuse" in kinds:
+                diffuse = _light(path, "Diffuse", "Diff"), read_pass(path, "Diffuse Color", "DiffCol")
+            if "glossy" in kinds:
+                glossy = _light(path, "Glossy", "Gloss")
+                glossy *= read_pass(path, "Glossy Color", "GlossCol")
+        yield Progress(0.5, "Rendering albedo, shading and highlights")
+    return {"Albedo": diffuse[1], "Shading": diffuse[0], "Specular": glossy}
+
+
+def _write_passes(scene: bpy.types.Scene, samples: int, kinds: Sequence[str], path: Path) -> None:
     layer = first_layer(scene)
-    wanted = {
-        f"use_pass_{kind}_{what}": True for kind in ("diffuse", "glossy") for what in ("direct", "indirect", "color")
-    }
+    wanted = {f"use_pass_{kind}_{what}": True for kind in kinds for what in ("direct", "indirect", "color")}
     with (
-        tempfile.TemporaryDirectory() as folder,
         _plain_render(scene, samples, 0, False),
         settings(layer, **wanted),
         _exr(scene.render.image_settings, layers=True),
     ):
-        path = Path(folder) / "passes.exr"
         scene.render.filepath = str(path)
         bpy.ops.render.render(scene=scene.name, layer=layer.name, write_still=True)
         if not path.is_file():
             raise ReshadeError("Cycles did not render the scene", "Render it once by hand to see Blender's message")
-        # One after the other: of a large photo all of them together take gigabytes.
-        parts = {}
-        for name, new, old in (("Shading", "Diffuse", "Diff"), ("Specular", "Glossy", "Gloss")):
-            parts[name] = read_pass(path, f"{new} Direct", f"{old}Dir")
-            parts[name] += read_pass(path, f"{new} Indirect", f"{old}Ind")
-        parts["Specular"] *= read_pass(path, "Glossy Color", "GlossCol")
-        return {"Albedo": read_pass(path, "Diffuse Color", "DiffCol"), **parts}
+
+
+def _light(path: Path, name: str, short: str) -> NDArray[np.float32]:
+    """Direct and indirect light of a kind; before Blender 5.0 its passes have short names."""
+    light = read_pass(path, f"{name} Direct", f"{short}Dir")
+    light += read_pass(path, f"{name} Indirect", f"{short}Ind")
+    return light
 
 
 @contextmanager

@@ -146,3 +146,17 @@ def test_the_preview_says_what_it_does_not_show(explained, load, drain):
     load("reshade_addon.scene_write").set_gloss(bpy.data.materials["Ball"], 0.5, 0.3)
     bpy.context.view_layer.update()
     assert live.unshown(scene) == ("objects that were added, moved or removed", "gloss")
+
+
+def test_passes_of_a_large_photo_are_those_of_a_small_one(explained, load, drain, monkeypatch):
+    """They are rendered one kind after the other, for memory's sake."""
+    scene, _ = explained
+    rendering = load("reshade_addon.rendering")
+    load("reshade_addon.scene_write").set_gloss(bpy.data.materials["Ball"], 0.5, 0.3)
+    together = drain(rendering.render_passes(scene, 4))
+    monkeypatch.setattr(rendering, "TOGETHER", 1)
+    apart = drain(rendering.render_passes(scene, 4))
+    assert set(together) == {"Albedo", "Shading", "Specular"}
+    for name, picture in together.items():
+        np.testing.assert_array_equal(apart[name], picture)
+        assert picture.max() > 0
