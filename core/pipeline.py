@@ -4,24 +4,24 @@ Both solvers are generators: they yield `Progress` and return an `Estimate`, so 
 command line drain them and either can stop between two steps.
 """
 
-import time
 from collections.abc import Generator, Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from .color import linear_to_srgb
+from .assembly import Clock, assembled, failed, united
 from .light.hints import Hint
 from .light.polish import finished, polished
+from .light.response_fit import likeliest_response
 from .light.search import Searched, search, with_second, without_highlights
 from .light.sight import Asked, Effort, Sight, asked, look
 from .light.uncertainty import uncertainty_of
-from .materials.radiometric import SCALE, left_over
+from .materials.radiometric import left_over
 from .materials.solve import Bounces, Card, Materials, absolute, falling, in_regions, solve_materials
-from .photo.noise import noise_of
-from .photo.segmentation import at_samples, cut, whole
-from .progress import shifted
-from .radiance.lights import reach_of, shading, with_strength
+from .photo.response import straightened
+from .photo.segmentation import at_samples, cut
+from .progress import shifted, watched
+from .radiance.lights import reach_of, shading
 from .radiance.visibility import visible_fraction
 from .types import (
     AreaLight,
@@ -33,17 +33,13 @@ from .types import (
     Meets,
     Photo,
     Progress,
-    Samples,
-    Surface,
     Tried,
-    Uncertainty,
     Visible,
 )
 
 _BOUNCE_GAIN = 0.05  # of the logarithm of what is left over: interreflection that explains less is left out
 _GLOSS_ROUNDS = 2  # of light and gloss in turn
-_TEXTURED = 0.08  # robust spread of a surface's residual over its mean: more is texture, not noise
-_UNTRUSTED = 0.6  # share of the photo's variation left over, above which no light explains it
+_RESPONSE_ROUNDS = 2  # of light and response in turn
 
 
 EFFORTS = {
@@ -66,28 +62,44 @@ def estimate(
     start: AreaLight | None = None,
     solver: str = "trust-region",
     hints: Sequence[Hint] = (),
+    fit_response: bool = False,
 ) -> Generator[Progress, None, Estimate]:
     """Estimate one light and the materials from a photo.
 
     meets : rays to the geometry; without them there is no interreflection in the model
     quality : one of QUALITIES; model : one of MODELS; start : an initial light instead of those the cues give
     solver : one of SOLVERS; hints : what the user says of the light
+    fit_response : where the photo's values are evidently no radiance, explain them to a power that is fitted
     Raises NothingToLearn where the photo shows too little of the geometry. A photo that no light explains gives a falsy
     Estimate whose message says so.
     """
-    clock, effort = _Clock(), EFFORTS[quality]
+    clock, effort = Clock(), EFFORTS[quality]
     if solver != "trust-region":  # a baseline's result is left as it found it
         effort = replace(effort, last_steps=0)
-    yield Progress(0.0, "Choosing samples")
-    sight, samples = look(photo, camera, buffers, visible, meets, effort.samples)
-    clock.mark("samples")
-    steps = search(sight, samples, effort, model=model, start=start, solver=solver, hints=hints)
-    found = yield from shifted(steps, 0.0, 0.6)
-    if found is None:
-        return _failed("No place for a light explains any of the shading: check the camera and the geometry", clock)
+    rounds, exponent, seen = _RESPONSE_ROUNDS if fit_response else 0, 1.0, photo
+    for turn in range(rounds + 1):
+        begin, share = 0.6 * turn / (rounds + 1), 0.6 / (rounds + 1)
+        yield Progress(begin, "Choosing samples")
+        sight, samples = look(seen, camera, buffers, visible, meets, effort.samples)
+        clock.mark("samples")
+        steps = search(sight, samples, effort, model=model, start=start, solver=solver, hints=hints)
+        sought = yield from shifted(steps, begin, begin + 0.95 * share)
+        if sought is None:
+            return failed("No place for a light explains any of the shading: check the camera and the geometry", clock)
+        found = sought
+        clock.mark("fit")
+        comparing = likeliest_response(found.asked.problem(sight, effort.fit_samples, effort.polish_rays), found.fit)
+        message = "Holding the photo's response against the light's shading"
+        response = yield from watched(comparing, begin + 0.95 * share, begin + share, message)
+        clock.mark("response")
+        if turn == rounds or not response.evident:
+            break
+        # Under another response another light may explain the photo, so it is sought anew.
+        exponent *= response.exponent
+        seen = straightened(photo, exponent)
     if model == "auto" and solver == "trust-region":
         found = yield from shifted(_perhaps_two(sight, found, quality), 0.6, 0.7)
-    clock.mark("fit")
+    clock.mark("second")
     fit, here, there = found.fit, found.asked, found.asked
     others = (found.second.light,) if found.second else ()
     told = _materials(sight, here, (fit.light, *others), quality, bounce=found.bounce)
@@ -110,10 +122,22 @@ def estimate(
     lights = (fit.light, *others)
     sure = tuple(uncertainty_of(one, reach_of(one.light, sight.middle)) for one in (fit, found.second) if one)
     chosen = f"{found.name} light" + (" and a second" if others else "")
-    result = _assembled(photo, here.samples, lights, materials, sure, chosen, clock)
-    result = replace(result, candidates=(*found.candidates, *result.candidates), scale=scale)
-    result = replace(result, surfaces=united(result.surfaces, samples.names))
-    result = replace(result, starts=tuple(Tried(entry.cue, entry.score) for entry in found.starts))
+    result = assembled(seen, here.samples, lights, materials, sure, chosen, clock)
+    held = Candidate(f"response {response.exponent:.2f}", -response.gain, clock.seconds["response"])
+    result = replace(
+        result,
+        candidates=(*found.candidates, held, *result.candidates),
+        scale=scale,
+        surfaces=united(result.surfaces, samples.names),
+        starts=tuple(Tried(entry.cue, entry.score) for entry in found.starts),
+        response=exponent,
+    )
+    if response.evident:
+        curved = (
+            f"The photo's response is not what its file says: its linear values to the power {response.exponent:.2f} "
+            "are explained better. Have the response fitted, or export the photo without a tone curve."
+        )
+        result = replace(result, warnings=(*result.warnings, curved))
     if not fit.converged:
         result = replace(result, warnings=(*result.warnings, "The fit was still improving when it stopped."))
     return result
@@ -136,7 +160,7 @@ def solve(
     card : a surface of known albedo
     Raises ReshadeError where the photo does not show the card.
     """
-    clock, effort = _Clock(), EFFORTS[quality]
+    clock, effort = Clock(), EFFORTS[quality]
     yield Progress(0.0, "Choosing samples")
     sight, samples = look(photo, camera, buffers, visible, meets, effort.samples)
     here = yield from shifted(asked(sight, samples), 0.0, 0.15)
@@ -152,7 +176,7 @@ def solve(
         scale = f"the albedo of {card.name} is {', '.join(f'{x:g}' for x in card.albedo)}"
     clock.mark("solve")
     unknown = (None,) * len(lights)
-    result = _assembled(photo, here.samples, tuple(lights), materials, unknown, "given lights", clock)
+    result = assembled(photo, here.samples, tuple(lights), materials, unknown, "given lights", clock)
     return replace(result, scale=scale, surfaces=united(result.surfaces, samples.names))
 
 
@@ -170,16 +194,6 @@ def _perhaps_two(sight: Sight, one: Searched, quality: str) -> Generator[Progres
     seen = one.asked.samples
     shown = replace(two.asked.samples, colour=seen.colour, weight=seen.weight)
     return replace(two, asked=replace(two.asked, samples=shown))
-
-
-def united(surfaces: Sequence[Surface], names: Sequence[str]) -> tuple[Surface, ...]:
-    """The materials `names`, each with the regions it was divided into; the albedo that shows is the largest's."""
-    parts = {name: [one for one in surfaces if whole(one.name, names) == name] for name in names}
-    return tuple(
-        found[0] if len(found) == 1 else replace(found[0], textured=True, regions=tuple(found))
-        for found in parts.values()
-        if found
-    )
 
 
 def _materials(
@@ -213,92 +227,3 @@ def _materials(
     rounds = 1 if quality == "draft" else 2
     steps = solve_materials(samples, lights, lit, seen, bounces=bounces, card=card, rounds=rounds)
     return (yield from shifted(steps, 0.4, 1.0))
-
-
-def _named(materials: Materials, samples: Samples) -> str:
-    """What the solve took into account, in words."""
-    glossy = [name for name, one in zip(samples.names, materials.gloss, strict=True) if one]
-    bounced = ", interreflection" if materials.bounced is not None else ""
-    return f", constant ambient{bounced}" + (f", gloss of {', '.join(glossy)}" if glossy else ", no gloss")
-
-
-def _considered(materials: Materials, samples: Samples) -> tuple[Candidate, ...]:
-    """A glossy coat for each surface, with its gain in the Bayesian criterion, negative as lower is better.
-
-    It is called a highlight where both its numbers could be read off the surface.
-    """
-    return tuple(
-        Candidate(f"{'highlight' if one.evident else 'coat'} of {name}", -one.evidence, 0.0)
-        for name, one in zip(samples.names, materials.considered, strict=True)
-    )
-
-
-class _Clock:
-    """Seconds each stage took."""
-
-    def __init__(self) -> None:
-        self.began = self.last = time.perf_counter()
-        self.seconds: dict[str, float] = {}
-
-    def mark(self, stage: str) -> None:
-        now = time.perf_counter()
-        self.seconds[stage], self.last = now - self.last, now
-
-    def all(self) -> dict[str, float]:
-        return {**self.seconds, "total": time.perf_counter() - self.began}
-
-
-def _assembled(
-    photo: Photo,
-    samples: Samples,
-    lights: tuple[Light, ...],
-    materials: Materials,
-    sure: tuple[Uncertainty | None, ...],
-    chosen: str,
-    clock: _Clock,
-) -> Estimate:
-    radiometry = materials.radiometry
-    weight, residual = samples.weight, radiometry.residual
-    model = np.maximum(samples.colour - residual, 0.0)
-    off = 255 * np.abs(linear_to_srgb(np.clip(samples.colour, 0, 1)) - linear_to_srgb(np.clip(model, 0, 1)))
-    mean = np.average(samples.colour, axis=0, weights=weight)
-    left = np.average((residual**2).sum(axis=1), weights=weight)
-    all_of_it = np.average(((samples.colour - mean) ** 2).sum(axis=1), weights=weight)
-    surfaces, warnings = [], []
-    for i, name in enumerate(samples.names):
-        of = samples.surface == i
-        if not of.any():
-            warnings.append(f"{name}: no usable pixel shows it, so its material stays as it was.")
-            continue
-        level = np.average(samples.colour[of].mean(axis=1), weights=weight[of])
-        spread = 1.4826 * float(np.median(np.abs(residual[of].mean(axis=1))))
-        textured = bool(spread > _TEXTURED * max(level, 1e-12))
-        gloss = materials.gloss[i]
-        surfaces.append(Surface(name, radiometry.albedo[i], int(of.sum()), textured, gloss.strength, gloss.width))
-    message = ""
-    if not radiometry.albedo.any() or not any(s.any() for s in radiometry.strengths):
-        message = "No light of positive strength explains the photo: check the camera and the geometry"
-    elif left > _UNTRUSTED * all_of_it:
-        warnings.append(
-            f"{100 * left / all_of_it:.0f} % of the photo's variation is left over: texture, or something unmodelled."
-        )
-    return Estimate(
-        lights=tuple(with_strength(light, s) for light, s in zip(lights, radiometry.strengths, strict=True)),
-        ambient=radiometry.ambient,
-        surfaces=tuple(surfaces),
-        uncertainty=sure,
-        rms=float(np.sqrt(np.average((residual**2).mean(axis=1), weights=weight))),
-        noise=noise_of(photo),
-        mean_abs_8bit=np.average(off, axis=0, weights=weight),
-        chosen=chosen + _named(materials, samples),
-        candidates=_considered(materials, samples),
-        scale=SCALE,
-        message=message,
-        warnings=tuple(warnings),
-        seconds=clock.all(),
-    )
-
-
-def _failed(message: str, clock: _Clock) -> Estimate:
-    nothing = np.zeros(3)
-    return Estimate((), nothing, (), (), 0.0, 0.0, nothing, "none", (), SCALE, message, (), clock.all())

@@ -39,6 +39,7 @@ def to_dict(estimate: Estimate, quality: str, light_names: Sequence[str]) -> dic
             "chosen": estimate.chosen,
             "candidates": [{"name": c.name, "score": c.score, "seconds": c.seconds} for c in estimate.candidates],
             "starts": [{"cue": start.cue, "score": start.score} for start in estimate.starts],
+            "response": estimate.response,
         },
         "scale": estimate.scale,
         "warnings": [*([estimate.message] if estimate.message else []), *estimate.warnings],

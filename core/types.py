@@ -192,6 +192,7 @@ class Estimate:
     warnings: tuple[str, ...] = ()
     seconds: dict[str, float] = field(default_factory=dict)
     starts: tuple[Tried, ...] = ()  # best first; none where lights were given
+    response: float = 1.0  # power of the photo's linear values that was explained
 
     def __bool__(self) -> bool:
         return not self.message

@@ -19,6 +19,7 @@ import numpy as np
 from ..core.errors import ReshadeError
 from ..core.light.hints import FORMS, parse
 from ..core.materials.solve import Card
+from ..core.photo.response import straightened
 from ..core.progress import drain
 from ..core.types import AreaLight, Photo, Progress
 from . import dehighlight, paint, photo_image, photo_io, reference, scene_write, solving
@@ -49,7 +50,13 @@ def _estimate(arguments: argparse.Namespace, console: Console) -> tuple[int, str
         hints = [parse(" ".join(words)) for words in arguments.hint]
         start = _take_start(scene, arguments.start) if arguments.start else None
         return solving.estimate_light(
-            scene, photo, quality=arguments.quality, model=arguments.model, start=start, hints=hints
+            scene,
+            photo,
+            quality=arguments.quality,
+            model=arguments.model,
+            start=start,
+            hints=hints,
+            fit_response=arguments.fit_response,
         )
 
     return _explain(arguments, console, begin)
@@ -57,6 +64,7 @@ def _estimate(arguments: argparse.Namespace, console: Console) -> tuple[int, str
 
 def _solve(arguments: argparse.Namespace, console: Console) -> tuple[int, str]:
     def begin(scene: bpy.types.Scene, photo: Photo) -> Steps:
+        photo = straightened(photo, scene.reshade.response)
         return solving.solve_materials(scene, photo, quality=arguments.quality, card=_card(arguments.white_card))
 
     return _explain(arguments, console, begin)
@@ -84,8 +92,9 @@ def _explain(
         if residual:
             with reference.opened(scene) as copy:
                 rendered = drain(reference.picture(scene, copy.scene, scene.reshade.samples), console.tell)
+            straight = straightened(photo, scene.reshade.response)
             modelled = drain(silhouette(solution.view), console.tell)
-            photo_io.write_encoded(residual, residual_picture(photo.linear, rendered, modelled))
+            photo_io.write_encoded(residual, residual_picture(straight.linear, rendered, modelled))
         if blend:
             save_blend(blend)
     return 0, _summary(found)
@@ -115,7 +124,8 @@ def _paint(arguments: argparse.Namespace, console: Console) -> tuple[int, str]:
         scene = open_blend(arguments.scene)
         if scene.reshade.photo is None:
             raise ReshadeError("The scene has no photo", "Estimate the light or solve the materials first")
-        photo, painting = photo_image.read_image(scene.reshade.photo), photo_io.read_photo(arguments.painting)
+        photo = photo_image.read_radiance(scene, scene.reshade.photo)
+        painting = straightened(photo_io.read_photo(arguments.painting), scene.reshade.response)
         match arguments.solve:
             case "lights":
                 steps = paint.solve_lights(scene, photo, painting, keep_colours=arguments.keep_colours)
@@ -238,6 +248,9 @@ def _parser() -> argparse.ArgumentParser:
     )
     estimate.add_argument("--model", choices=MODELS, default="auto", help="kind of light")
     estimate.add_argument("--start", metavar="NAME", help="an area light of the scene to start from; it is replaced")
+    estimate.add_argument(
+        "--fit-response", action="store_true", help="where the photo's values are evidently no radiance, find the power"
+    )
     text = "what you know of the light, as often as you like: " + "; ".join(FORMS.values())
     estimate.add_argument("--hint", nargs="+", action="append", default=[], metavar="WORD", help=text)
     render_parser = command("render", _render, "the photo as the scene's edits change it")

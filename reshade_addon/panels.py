@@ -81,6 +81,9 @@ class RESHADE_PT_light(_Step, bpy.types.Panel):
         column.prop(choices, "quality")
         column.prop(choices, "model")
         column.prop(choices, "hints")
+        column.prop(choices, "fit_response")
+        if choices.response != 1:
+            column.prop(choices, "response")
         _button(layout, context, RESHADE_OT_estimate_light, "LIGHT_AREA")
         found = choices.found()
         if found:

@@ -8,6 +8,7 @@ import numpy as np
 
 from ..core.color import linear_to_srgb
 from ..core.errors import ReshadeError
+from ..core.photo.response import straightened
 from ..core.types import Array, Photo
 from .photo_io import read_packed, read_photo
 
@@ -42,6 +43,14 @@ def read_image(image: bpy.types.Image) -> Photo:
     if image.packed_file:
         return read_packed(image.packed_file.data, Path(image.filepath_raw or image.name).suffix)
     return read_photo(bpy.path.abspath(image.filepath))
+
+
+def read_radiance(scene: bpy.types.Scene, image: bpy.types.Image) -> Photo:
+    """Read a photo, or a painted copy of it, as `read_image` does, with values proportional to radiance.
+
+    They are so once the response found for the scene's photo is taken out.
+    """
+    return straightened(read_image(image), scene.reshade.response)
 
 
 def by_rows(function: Callable[[Array], Array], values: Array) -> Array:

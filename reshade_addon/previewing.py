@@ -5,12 +5,13 @@ Geometry is read once, and surfaces are matt: what of an edit the preview does n
 
 from collections import Counter
 from collections.abc import Generator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import bpy
 import numpy as np
 
+from ..core.photo.response import as_photographed, straightened
 from ..core.reshading.change import combine
 from ..core.reshading.preview import Preview
 from ..core.types import Array, Light, Photo, Progress
@@ -46,7 +47,9 @@ class Live:
     """A photo and its scene, ready to be shown under any light."""
 
     preview: Preview
-    photo: Array  # (h, w, 3)
+    photo: Array  # (h, w, 3) as it is
+    straight: Array  # (h, w, 3) its values made proportional to radiance
+    exponent: float  # by this power
     was: Array  # (h, w, 3) as the reference state shows it
     fixed: Fixed
 
@@ -55,7 +58,8 @@ class Live:
         bpy.context.view_layer.update()
         now = read_lighting(scene, self.preview.samples.names, bpy.data.materials)
         shown = self.preview.picture(now.lights, now.ambient, now.albedo)
-        return combine(self.photo, self.was, shown, np.zeros(self.photo.shape[:2]))
+        picture = combine(self.straight, self.was, shown, np.zeros(self.photo.shape[:2]))
+        return as_photographed(picture, self.straight, self.photo, self.exponent)
 
     def unshown(self, scene: bpy.types.Scene) -> tuple[str, ...]:
         """What of the edits so far the preview does not show, in words."""
@@ -82,7 +86,9 @@ def begin(scene: bpy.types.Scene, photo: Photo) -> Generator[Progress, None, Liv
         then = read_lighting(copy.scene, buffers.names, copy.materials)
         fixed = _fixed(copy.scene, buffers.names, copy.materials)
     was = preview.picture(then.lights, then.ambient, then.albedo)
-    return Live(preview, resized(photo.linear, *size), was, fixed)
+    small, exponent = resized(photo.linear, *size), scene.reshade.response
+    straight = straightened(replace(photo, linear=small), exponent).linear
+    return Live(preview, small, straight, exponent, was, fixed)
 
 
 def read_lighting(

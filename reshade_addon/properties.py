@@ -44,6 +44,19 @@ class SceneReshade(bpy.types.PropertyGroup):
         ],
         default="auto",
     )
+    fit_response: BoolProperty(
+        name="Fit Response",
+        description="Where shading shows that the photo's values are not what its file says (a tone curve, a film "
+        "look), find the power that makes radiance of them",
+    )
+    response: FloatProperty(
+        name="Response",
+        description="Radiance is proportional to the photo's linear values to this power; 1 for a photo without a tone "
+        "curve",
+        default=1.0,
+        min=0.2,
+        max=5.0,
+    )
     card: PointerProperty(
         name="White Card",
         description="A material whose reflectance you know: it gives strengths and albedos their true scale",

@@ -12,6 +12,7 @@ import numpy as np
 from ..core.errors import NothingToLearn, ReshadeError
 from ..core.light.hints import Hint
 from ..core.materials.solve import Card
+from ..core.photo.response import straightened
 from ..core.pipeline import estimate, solve
 from ..core.progress import shifted
 from ..core.report import to_dict
@@ -60,6 +61,7 @@ def estimate_light(
     model: str,
     start: AreaLight | None = None,
     hints: Sequence[Hint] = (),
+    fit_response: bool = False,
 ) -> Generator[Progress, None, Solution]:
     """Estimate the light and the materials of a photo's scene. The scene is left as it is.
 
@@ -78,10 +80,11 @@ def estimate_light(
         model=model,
         start=start,
         hints=hints,
+        fit_response=fit_response,
     )
     result = yield from shifted(steps, READ, SOLVED)
     solution = Solution(result, quality, view)
-    return (yield from _completed(scene, photo, solution, reading, began))
+    return (yield from _completed(scene, straightened(photo, result.response), solution, reading, began))
 
 
 def solve_materials(
@@ -119,6 +122,8 @@ def apply(scene: bpy.types.Scene, photo: bpy.types.Image, solution: Solution) ->
         texture = picture_image(TEXTURE, solution.texture, bpy.data.images.get(TEXTURE), encoded=True)
     objects = _put(original(scene), solution, texture)
     scene.reshade.photo = photo
+    if not solution.given_lights:
+        scene.reshade.response = solution.estimate.response
     reference.store(scene)
     names = [obj.name for obj in objects]
     scene.reshade.report = json.dumps(solution.report(names), allow_nan=False)

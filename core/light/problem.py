@@ -30,6 +30,7 @@ _FEW_RAYS = 8  # a sample: fewer cost less than to find out which samples need n
 WIDEST_PROBE = 5.0  # times that: as far as a shadow is looked for from where it is
 _NO_STRENGTH = 1e-300  # of a surface that the light does not reach
 _SMALLEST_SPREAD = 1e-4  # of the median brightness
+_NEVER_LESS = 0.1  # of the mean brightness: what a spread that goes with brightness is made up of in the dark
 _SPREAD_ROUNDS = 30  # of the fixed point that the likeliest spread is
 _REWEIGHTED = 3  # times that a linear solution is made anew, outliers counting less
 _LOSS_SCALE = 1.5  # of the expected residual: beyond it a residual counts by its size, not its square
@@ -189,27 +190,33 @@ def negative_log_likelihood(problem: Problem, state: State, spread: Array) -> fl
     return float(scale) + 0.5 * _LOSS_SCALE**2 * cost(problem, state, spread)
 
 
-def score(problem: Problem, state: State) -> float:
-    """Compute the mean negative log likelihood of the residual at each surface's likeliest spread.
+def score(problem: Problem, state: State, rising: float = 0.0) -> float:
+    """Compute the mean negative log likelihood of the residual at each surface's likeliest spread (`spread_of`).
 
     Unlike the loss it can be compared between fits to the same samples.
     """
-    return negative_log_likelihood(problem, state, spread_of(problem, state))
+    return negative_log_likelihood(problem, state, spread_of(problem, state, rising))
 
 
-def spread_of(problem: Problem, state: State) -> Array:
+def spread_of(problem: Problem, state: State, rising: float = 0.0) -> Array:
     """Compute each sample's spread (N,) that makes the residuals of its surface likeliest.
 
+    rising : power of the modelled brightness that the spread goes with: 0 for noise, 1 for texture
     The one that `expected_residual` gives the fit would not do to compare fits: where nine samples in ten fit exactly
     it is next to nothing, and the tenth costs without limit.
     """
-    samples, square = problem.samples, state.residual(problem) ** 2
-    smallest = _smallest_spread(problem)
+    samples, residual = problem.samples, state.residual(problem)
+    smallest, unit = _smallest_spread(problem), np.ones(len(residual))
+    if rising:
+        model = np.maximum(problem.brightness - residual, 0.0)
+        mean = surface_means(samples, model)[samples.surface]
+        unit = (model / np.maximum(mean, 1e-300) + _NEVER_LESS) ** rising
+    square = (residual / unit) ** 2
     spread = np.maximum(np.sqrt(surface_means(samples, square)), smallest)
     for _ in range(_SPREAD_ROUNDS):
         soft = square / np.sqrt(1 + square / (_LOSS_SCALE * spread[samples.surface]) ** 2)
         spread = np.maximum(np.sqrt(surface_means(samples, soft)), smallest)
-    return np.asarray(spread[samples.surface])
+    return np.asarray(spread[samples.surface] * unit)
 
 
 def _smallest_spread(problem: Problem) -> float:

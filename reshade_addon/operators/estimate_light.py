@@ -30,7 +30,12 @@ class RESHADE_OT_estimate_light(Job, bpy.types.Operator):
         hints = [parse(text) for text in choices.hints.split(";") if text.strip()]
         return (
             yield from solving.estimate_light(
-                context.scene, photo, quality=choices.quality, model=choices.model, hints=hints
+                context.scene,
+                photo,
+                quality=choices.quality,
+                model=choices.model,
+                hints=hints,
+                fit_response=choices.fit_response,
             )
         )
 

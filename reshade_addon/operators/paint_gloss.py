@@ -8,7 +8,7 @@ from ...core.materials.gloss import Gloss
 from ...core.types import Progress
 from .. import missing, paint
 from ..jobs import Job
-from ..photo_image import read_image
+from ..photo_image import read_radiance
 
 WANTED = (missing.mode, missing.photo, missing.camera, missing.reference_state, missing.light, missing.painting)
 
@@ -30,7 +30,8 @@ class RESHADE_OT_paint_gloss(Job, bpy.types.Operator):
         choices = context.scene.reshade
         if choices.painting.is_dirty:
             choices.painting.pack()  # what was painted and not yet saved
-        return (yield from paint.solve_gloss(context.scene, read_image(choices.photo), read_image(choices.painting)))
+        photo, painting = (read_radiance(context.scene, image) for image in (choices.photo, choices.painting))
+        return (yield from paint.solve_gloss(context.scene, photo, painting))
 
     def finish(self, context: bpy.types.Context, result: dict[str, Gloss]) -> str:
         """Give the materials their gloss."""

@@ -9,7 +9,7 @@ from ...core.materials.solve import Card
 from ...core.types import Progress
 from .. import missing, solving
 from ..jobs import Job
-from ..photo_image import read_image
+from ..photo_image import read_radiance
 
 
 class RESHADE_OT_solve_materials(Job, bpy.types.Operator):
@@ -29,7 +29,7 @@ class RESHADE_OT_solve_materials(Job, bpy.types.Operator):
         """Solve; the scene stays as it is."""
         choices = context.scene.reshade
         card = Card(choices.card.name, np.full(3, choices.card_albedo)) if choices.card else None
-        photo = read_image(choices.photo)
+        photo = read_radiance(context.scene, choices.photo)
         return (yield from solving.solve_materials(context.scene, photo, quality=choices.quality, card=card))
 
     def finish(self, context: bpy.types.Context, result: solving.Solution) -> str:

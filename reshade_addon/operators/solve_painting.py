@@ -8,7 +8,7 @@ from bpy.props import BoolProperty
 from ...core.types import Light, Progress
 from .. import missing, paint
 from ..jobs import Job
-from ..photo_image import read_image
+from ..photo_image import read_radiance
 
 
 class RESHADE_OT_solve_painting(Job, bpy.types.Operator):
@@ -31,7 +31,7 @@ class RESHADE_OT_solve_painting(Job, bpy.types.Operator):
         choices = context.scene.reshade
         if choices.painting.is_dirty:
             choices.painting.pack()  # what was painted and not yet saved
-        photo, painting = read_image(choices.photo), read_image(choices.painting)
+        photo, painting = (read_radiance(context.scene, image) for image in (choices.photo, choices.painting))
         return (yield from paint.solve_lights(context.scene, photo, painting, keep_colours=self.keep_colours))
 
     def finish(self, context: bpy.types.Context, result: list[Light]) -> str:

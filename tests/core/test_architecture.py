@@ -21,6 +21,7 @@ STAGES = (
     ("light",),
     ("materials",),
     ("reshading",),
+    ("assembly",),
     ("pipeline",),
     ("report",),
 )

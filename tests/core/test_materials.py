@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from core.assembly import united
 from core.materials.solve import Bounces, absolute, borne_out, falling, solve_materials
-from core.pipeline import solve, united
+from core.pipeline import solve
 from core.progress import drain
 from core.radiance.interreflection import gather
 from core.radiance.lights import shading, with_strength

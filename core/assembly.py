@@ -1,0 +1,117 @@
+"""An estimate from its parts: lights, materials, what is left over, what was considered, and in how much time."""
+
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from .color import linear_to_srgb
+from .materials.radiometric import SCALE
+from .materials.solve import Materials
+from .photo.noise import noise_of
+from .photo.segmentation import whole
+from .radiance.lights import with_strength
+from .types import Candidate, Estimate, Light, Photo, Samples, Surface, Uncertainty
+
+_TEXTURED = 0.08  # robust spread of a surface's residual over its mean: more is texture, not noise
+_UNTRUSTED = 0.6  # share of the photo's variation left over, above which no light explains it
+
+
+def _named(materials: Materials, samples: Samples) -> str:
+    """What the solve took into account, in words."""
+    glossy = [name for name, one in zip(samples.names, materials.gloss, strict=True) if one]
+    bounced = ", interreflection" if materials.bounced is not None else ""
+    return f", constant ambient{bounced}" + (f", gloss of {', '.join(glossy)}" if glossy else ", no gloss")
+
+
+def _considered(materials: Materials, samples: Samples) -> tuple[Candidate, ...]:
+    """A glossy coat for each surface, with its gain in the Bayesian criterion, negative as lower is better.
+
+    It is called a highlight where both its numbers could be read off the surface.
+    """
+    return tuple(
+        Candidate(f"{'highlight' if one.evident else 'coat'} of {name}", -one.evidence, 0.0)
+        for name, one in zip(samples.names, materials.considered, strict=True)
+    )
+
+
+class Clock:
+    """Seconds each stage took."""
+
+    def __init__(self) -> None:
+        self.began = self.last = time.perf_counter()
+        self.seconds: dict[str, float] = {}
+
+    def mark(self, stage: str) -> None:
+        now = time.perf_counter()
+        self.seconds[stage], self.last = self.seconds.get(stage, 0.0) + now - self.last, now
+
+    def all(self) -> dict[str, float]:
+        return {**self.seconds, "total": time.perf_counter() - self.began}
+
+
+def assembled(
+    photo: Photo,
+    samples: Samples,
+    lights: tuple[Light, ...],
+    materials: Materials,
+    sure: tuple[Uncertainty | None, ...],
+    chosen: str,
+    clock: Clock,
+) -> Estimate:
+    radiometry = materials.radiometry
+    weight, residual = samples.weight, radiometry.residual
+    model = np.maximum(samples.colour - residual, 0.0)
+    off = 255 * np.abs(linear_to_srgb(np.clip(samples.colour, 0, 1)) - linear_to_srgb(np.clip(model, 0, 1)))
+    mean = np.average(samples.colour, axis=0, weights=weight)
+    left = np.average((residual**2).sum(axis=1), weights=weight)
+    all_of_it = np.average(((samples.colour - mean) ** 2).sum(axis=1), weights=weight)
+    surfaces, warnings = [], []
+    for i, name in enumerate(samples.names):
+        of = samples.surface == i
+        if not of.any():
+            warnings.append(f"{name}: no usable pixel shows it, so its material stays as it was.")
+            continue
+        level = np.average(samples.colour[of].mean(axis=1), weights=weight[of])
+        spread = 1.4826 * float(np.median(np.abs(residual[of].mean(axis=1))))
+        textured = bool(spread > _TEXTURED * max(level, 1e-12))
+        gloss = materials.gloss[i]
+        surfaces.append(Surface(name, radiometry.albedo[i], int(of.sum()), textured, gloss.strength, gloss.width))
+    message = ""
+    if not radiometry.albedo.any() or not any(s.any() for s in radiometry.strengths):
+        message = "No light of positive strength explains the photo: check the camera and the geometry"
+    elif left > _UNTRUSTED * all_of_it:
+        warnings.append(
+            f"{100 * left / all_of_it:.0f} % of the photo's variation is left over: texture, or something unmodelled."
+        )
+    return Estimate(
+        lights=tuple(with_strength(light, s) for light, s in zip(lights, radiometry.strengths, strict=True)),
+        ambient=radiometry.ambient,
+        surfaces=tuple(surfaces),
+        uncertainty=sure,
+        rms=float(np.sqrt(np.average((residual**2).mean(axis=1), weights=weight))),
+        noise=noise_of(photo),
+        mean_abs_8bit=np.average(off, axis=0, weights=weight),
+        chosen=chosen + _named(materials, samples),
+        candidates=_considered(materials, samples),
+        scale=SCALE,
+        message=message,
+        warnings=tuple(warnings),
+        seconds=clock.all(),
+    )
+
+
+def failed(message: str, clock: Clock) -> Estimate:
+    nothing = np.zeros(3)
+    return Estimate((), nothing, (), (), 0.0, 0.0, nothing, "none", (), SCALE, message, (), clock.all())
+
+
+def united(surfaces: Sequence[Surface], names: Sequence[str]) -> tuple[Surface, ...]:
+    """The materials `names`, each with the regions it was divided into; the albedo that shows is the largest's."""
+    parts = {name: [one for one in surfaces if whole(one.name, names) == name] for name in names}
+    return tuple(
+        found[0] if len(found) == 1 else replace(found[0], textured=True, regions=tuple(found))
+        for found in parts.values()
+        if found
+    )
