@@ -107,7 +107,11 @@ class ImageHighlights(bpy.types.PropertyGroup):
         update=_strength_changed,
     )
     show: EnumProperty(
-        name="Show", description="What materials show", items=SHOWN, default="IMAGE", update=_show_changed
+        name="Show",
+        description="What materials show. Reshade lets highlights change with their light, unless Original is chosen",
+        items=SHOWN,
+        default="IMAGE",
+        update=_show_changed,
     )
 
 

@@ -64,10 +64,23 @@ def render_passes(scene: bpy.types.Scene, samples: int) -> Generator[Progress, N
             if "diffuse" in kinds:
                 diffuse = _light(path, "Diffuse", "Diff"), read_pass(path, "Diffuse Color", "DiffCol")
             if "glossy" in kinds:
-                glossy = _light(path, "Glossy", "Gloss")
-                glossy *= read_pass(path, "Glossy Color", "GlossCol")
+                glossy = _mirrored(path)
         yield Progress(0.5, "Rendering albedo, shading and highlights")
     return {"Albedo": diffuse[1], "Shading": diffuse[0], "Specular": glossy}
+
+
+def render_highlights(scene: bpy.types.Scene, samples: int) -> NDArray[np.float32]:
+    """Render what a scene's surfaces mirror, linear (H, W, 3)."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "passes.exr"
+        _write_passes(scene, samples, ("glossy",), path)
+        return _mirrored(path)
+
+
+def render_as(scene: bpy.types.Scene, material: bpy.types.Material, samples: int) -> Array:
+    """Render a scene whose surfaces are all of one material, in its direct light alone, linear (H, W, 3)."""
+    with settings(first_layer(scene), material_override=material):
+        return _render_once(scene, samples, 0, True)
 
 
 def _write_passes(scene: bpy.types.Scene, samples: int, kinds: Sequence[str], path: Path) -> None:
@@ -89,6 +102,12 @@ def _light(path: Path, name: str, short: str) -> NDArray[np.float32]:
     light = read_pass(path, f"{name} Direct", f"{short}Dir")
     light += read_pass(path, f"{name} Indirect", f"{short}Ind")
     return light
+
+
+def _mirrored(path: Path) -> NDArray[np.float32]:
+    glossy = _light(path, "Glossy", "Gloss")
+    glossy *= read_pass(path, "Glossy Color", "GlossCol")
+    return glossy
 
 
 @contextmanager

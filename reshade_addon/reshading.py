@@ -10,11 +10,14 @@ from numpy.typing import NDArray
 
 from ..core import camera as pinhole
 from ..core.errors import ReshadeError
+from ..core.photo.response import as_photographed, straightened
 from ..core.progress import shifted
-from ..core.reshading.change import combine, edited, uncertain
+from ..core.reshading.change import edited, uncertain
+from ..core.reshading.highlights import Highlights, combine_with
 from ..core.types import Array, Camera, Photo, Progress
 from . import reference
 from .geometry import RayCaster, SceneGeometry
+from .highlight_change import changed_highlights
 from .render_depsgraph import settings
 from .rendering import render, render_passes
 from .scene_read import read_camera, read_view, silhouette
@@ -29,12 +32,13 @@ def reshade(scene: bpy.types.Scene, photo: Photo, samples: int) -> Generator[Pro
 
     The difference dP is that of two renders with the same random numbers, of the scene as it is and of its reference
     state; where the edit changes nothing it is zero. What the photo has and the render has not (texture, grain) stays,
-    except where another object is seen now than in the photo: nothing of the photo belongs there.
+    except where another object is seen now than in the photo: nothing of the photo belongs there. Highlights that were
+    taken out of the photo, and that the render has not, change as a gloss of the scene would.
 
     Raises ReshadeError where the scene has no reference state, or the camera is not as it was.
     """
     found = yield from _renders(scene, photo, samples)
-    return photo.linear if found is None else combine(photo.linear, *found)
+    return photo.linear if found is None else _combined(scene, photo, *found)
 
 
 def reshade_layers(scene: bpy.types.Scene, photo: Photo, samples: int) -> Generator[Progress, None, dict[str, Array]]:
@@ -54,8 +58,11 @@ def reshade_layers(scene: bpy.types.Scene, photo: Photo, samples: int) -> Genera
     modelled = yield from shifted(silhouette(read_view(scene, size)), 0.6, 0.65)
     doubtful = ~modelled
     if found is not None:
-        reshaded, covered = combine(photo.linear, *found), found[2]
-        doubtful = uncertain(photo.linear, *found, photo.clipped, modelled)
+        reshaded, covered = _combined(scene, photo, *found), found[2]
+        straight = straightened(photo, scene.reshade.response).linear
+        matt = straight if found[3] is None else straight - found[3].part
+        doubtful = uncertain(matt, *found[:3], photo.clipped, modelled)
+        del straight, matt
     del found
     with _sized(scene, size):
         passes = yield from shifted(render_passes(scene, samples), 0.65, 1.0)
@@ -64,10 +71,20 @@ def reshade_layers(scene: bpy.types.Scene, photo: Photo, samples: int) -> Genera
     return layers | masks
 
 
+def _combined(
+    scene: bpy.types.Scene, photo: Photo, was: Array, is_now: Array, covered: Array, highlights: Highlights | None
+) -> Array:
+    """The photo (H, W, 3) changed as its renders are, as its camera would have responded."""
+    exponent = scene.reshade.response
+    straight = straightened(photo, exponent).linear
+    return as_photographed(combine_with(straight, was, is_now, covered, highlights), straight, photo.linear, exponent)
+
+
 def _renders(
     scene: bpy.types.Scene, photo: Photo, samples: int
-) -> Generator[Progress, None, tuple[Array, Array, Array] | None]:
-    """The renders before and after the edits, and the share of each pixel covered anew; None without an edit."""
+) -> Generator[Progress, None, tuple[Array, Array, Array, Highlights | None] | None]:
+    """The renders before and after the edits, the share of each pixel covered anew, and what highlights are to be put
+    back; None without an edit."""
     yield Progress(0.0, "Comparing the scene with its reference state")
     with reference.opened(scene) as copy:
         before = copy.scene
@@ -82,8 +99,9 @@ def _renders(
         covered = yield from shifted(_covered(camera, then, now), 0.0, 0.1)
         with _alike(scene, before, photo.size):
             was = yield from shifted(reference.picture(scene, before, samples), 0.1, 0.55)
-            is_now = yield from shifted(render(scene, samples), 0.55, 1.0)
-    return was, is_now, covered
+            is_now = yield from shifted(render(scene, samples), 0.55, 0.9)
+            put_back = yield from shifted(changed_highlights(scene, before, photo, samples), 0.9, 1.0)
+    return was, is_now, covered, put_back
 
 
 def _alike(scene: bpy.types.Scene, before: bpy.types.Scene, size: tuple[int, int]) -> ExitStack:
