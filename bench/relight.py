@@ -1,6 +1,7 @@
 """How good reshaded photos are: edits made to the explained scene and to the true one, which Cycles renders.
 
-    python -m reshade.bench.relight FOLDER [--seeds 1,2] [--kinds NAME ...] [--known] [--pictures FOLDER]
+    python -m reshade.bench.relight FOLDER [--seeds 1,2] [--kinds NAME ...] [--edits NAME ...] [--known]
+        [--pictures FOLDER]
 
 Edits: the light on the other side and at half its strength; a surface of another colour; an object added. PSNR of the
 sRGB-encoded pictures, and relative RMSE of the linear ones, each beside that of the photo scaled to the right mean.
@@ -11,7 +12,7 @@ noise and all, and a small object would say nothing.
 
 import argparse
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import bpy
@@ -87,16 +88,16 @@ EDITS: dict[str, Callable[[bpy.types.Scene, float], None]] = {
 }
 
 
-def measure(folder: Path, known: bool, pictures: Path | None) -> dict[str, dict[str, float]]:
-    """Errors of each edit of one scene."""
+def measure(folder: Path, edits: Sequence[str], known: bool, pictures: Path | None) -> dict[str, dict[str, float]]:
+    """Errors of some edits of one scene."""
     truth = json.loads((folder / "truth.json").read_text())
     unit = truth["scene_scale"]
     true = {}
     unedited = drain(render(open_blend(folder / "true.blend"), TRUE_SAMPLES, seed=7))
-    for name, edit in EDITS.items():
+    for name in edits:
         scene = open_blend(folder / "true.blend")
         lights = [read_light(obj) for obj in scene.objects if obj.type == "LIGHT"]
-        edit(scene, unit)
+        EDITS[name](scene, unit)
         true[name] = drain(render(scene, TRUE_SAMPLES, seed=7))
     scene, photo = open_blend(folder / "scene.blend"), read_photo(photo_path(folder))
     bounces = truth["bounces"]
@@ -111,9 +112,9 @@ def measure(folder: Path, known: bool, pictures: Path | None) -> dict[str, dict[
     explained = folder / "explained.blend"
     bpy.ops.wm.save_as_mainfile(filepath=str(explained))
     out = {}
-    for name, edit in EDITS.items():
+    for name in edits:
         scene = open_blend(explained)
-        edit(scene, unit)
+        EDITS[name](scene, unit)
         result = drain(reshade(scene, photo, SAMPLES))
         scaled = photo.linear * true[name].mean() / photo.linear.mean()
         errors, usual = _errors(result, true[name]), _errors(scaled, true[name])
@@ -142,6 +143,7 @@ def main() -> None:
     parser.add_argument("folder", type=Path)
     parser.add_argument("--seeds", default="1,2")
     parser.add_argument("--kinds", nargs="+", default=KINDS)
+    parser.add_argument("--edits", nargs="+", choices=tuple(EDITS), default=tuple(EDITS))
     parser.add_argument("--known", action="store_true")
     parser.add_argument("--pictures", type=Path)
     chosen = parser.parse_args()
@@ -151,7 +153,7 @@ def main() -> None:
     try:
         for kind in chosen.kinds:
             for seed in map(int, chosen.seeds.split(",")):
-                found = measure(scene_folder(chosen.folder, seed, kind), chosen.known, chosen.pictures)
+                found = measure(scene_folder(chosen.folder, seed, kind), chosen.edits, chosen.known, chosen.pictures)
                 for edit, e in found.items():
                     rows.append(e)
                     cells = [kind, str(seed), edit, f"{e['psnr']:.1f}", f"{e['over']:+.1f}", f"{e['rmse']:.1f}"]

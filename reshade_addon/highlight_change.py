@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import bpy
 import numpy as np
+from numpy.typing import NDArray
 
 from ..core.photo.response import straightened
 from ..core.reshading.highlights import Highlights, change_of, unexplained
@@ -29,12 +30,10 @@ def changed_highlights(
     if taken_out is None:
         return None
     samples = min(samples, CHUNK)
-    exponent = scene.reshade.response
-    straight = straightened(photo, exponent).linear
-    matt = straightened(replace(photo, linear=photo.linear - taken_out), exponent).linear
     yield Progress(0.1, "Rendering the scene's highlights")
-    part = unexplained(straight, matt, render_highlights(before, samples))
-    del matt, taken_out
+    explained = render_highlights(before, samples)
+    part = _unexplained(photo, taken_out, explained, scene.reshade.response)
+    del explained
     yield Progress(0.4, "Rendering a gloss before the edit")
     was = _with_gloss(before, samples)
     yield Progress(0.7, "Rendering a gloss after the edit")
@@ -50,10 +49,18 @@ def _with_gloss(scene: bpy.types.Scene, samples: int) -> Array:
         bpy.data.materials.remove(material)
 
 
-def _taken_out(scene: bpy.types.Scene, size: tuple[int, int]) -> Array | None:
-    """The highlights (H, W, 3) that the user had taken out of the photo; None where they are left in."""
+def _unexplained(
+    photo: Photo, kept: bpy.types.PropertyGroup, explained: NDArray[np.float32], exponent: float
+) -> NDArray[np.float32]:
+    removed = kept.strength * read(kept.removed)[0].linear
+    matt = straightened(replace(photo, linear=photo.linear - removed), exponent).linear
+    return unexplained(straightened(photo, exponent).linear, matt, explained)
+
+
+def _taken_out(scene: bpy.types.Scene, size: tuple[int, int]) -> bpy.types.PropertyGroup | None:
+    """What the user had taken out of the photo as highlights; None where they are left in."""
     image = scene.reshade.photo
     kept = image.reshade_highlights if image else None
     if kept is None or kept.removed is None or kept.show == "IMAGE" or tuple(kept.removed.size) != tuple(size):
         return None
-    return kept.strength * read(kept.removed)[0].linear
+    return kept

@@ -35,14 +35,15 @@ def load_image(path: str | Path) -> bpy.types.Image:
     return image
 
 
-def read_image(image: bpy.types.Image) -> Photo:
+def read_image(image: bpy.types.Image, large: int = 0) -> Photo:
     """Read a photo from its image: from the packed file, which is the photo as it was, or from disk.
 
+    large : pixels from which on its values are float32; 0: always float64
     Raises ReshadeError as `photo_io.read_photo` does.
     """
     if image.packed_file:
-        return read_packed(image.packed_file.data, Path(image.filepath_raw or image.name).suffix)
-    return read_photo(bpy.path.abspath(image.filepath))
+        return read_packed(image.packed_file.data, Path(image.filepath_raw or image.name).suffix, large)
+    return read_photo(bpy.path.abspath(image.filepath), large=large)
 
 
 def read_radiance(scene: bpy.types.Scene, image: bpy.types.Image) -> Photo:

@@ -25,16 +25,17 @@ BLACK = 1e-5  # linear; under a thirtieth of an 8-bit step
 _ROWS = 64  # written at a time
 
 
-def read_photo(path: str | Path, linear: bool | None = None) -> Photo:
+def read_photo(path: str | Path, linear: bool | None = None, large: int = 0) -> Photo:
     """Read a photo as scene-linear Rec.709.
 
     linear : whether the file's values are linear; None: by its type, integers encoded and floats linear
+    large : as for `read_picture`
 
     Grey becomes colour. Pixels that are not opaque show more than the scene; they count as clipped.
     Raises ReshadeError for a file that is missing, unreadable or holds no finite RGB picture, and NothingToLearn for
     one that is black, clipped or tiny.
     """
-    photo, alpha = read_picture(path, linear)
+    photo, alpha = read_picture(path, linear, large)
     if alpha is None:
         return photo
     photo = Photo(photo.linear, photo.clipped | (alpha < 1))
@@ -73,12 +74,12 @@ def read_picture(path: str | Path, linear: bool | None = None, large: int = 0) -
     return photo, alpha
 
 
-def read_packed(data: bytes, suffix: str, linear: bool | None = None) -> Photo:
+def read_packed(data: bytes, suffix: str, large: int = 0) -> Photo:
     """Read a photo from a file's bytes, as a .blend packs them; `suffix` is the file's extension."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / f"photo{suffix}"
         path.write_bytes(data)
-        return read_photo(path, linear)
+        return read_photo(path, large=large)
 
 
 def read_linear(path: str | Path) -> Array:

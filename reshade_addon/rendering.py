@@ -56,17 +56,18 @@ def render_passes(scene: bpy.types.Scene, samples: int) -> Generator[Progress, N
     """
     yield Progress(0.0, "Rendering albedo, shading and highlights")
     together = scene.render.resolution_x * scene.render.resolution_y <= TOGETHER
-    diffuse = glossy = None
-    for kinds in (("diffuse", "glossy"),) if together else (("diffuse",), ("glossy",)):
-        with tempfile.TemporaryDirectory() as folder:
-            path = Path(folder) / "passes.exr"
-            _write_passes(scene, samples, kinds, path)
-            if "diffuse" in kinds:
-                diffuse = _light(path, "Diffuse", "Diff"), read_pass(path, "Diffuse Color", "DiffCol")
-            if "glossy" in kinds:
-                glossy = _mirrored(path)
-        yield Progress(0.5, "Rendering albedo, shading and highlights")
-    return {"Albedo": diffuse[1], "Shading": diffuse[0], "Specular": glossy}
+    with tempfile.TemporaryDirectory() as folder:
+        diffuse = glossy = Path(folder) / "passes.exr"
+        if together:
+            _write_passes(scene, samples, ("diffuse", "glossy"), diffuse)
+        else:
+            glossy = Path(folder) / "glossy.exr"
+            _write_passes(scene, samples, ("diffuse",), diffuse)
+            yield Progress(0.5, "Rendering albedo, shading and highlights")
+            _write_passes(scene, samples, ("glossy",), glossy)
+        # Read only now: nothing of one render is held during the other.
+        albedo, shading = read_pass(diffuse, "Diffuse Color", "DiffCol"), _light(diffuse, "Diffuse", "Diff")
+        return {"Albedo": albedo, "Shading": shading, "Specular": _mirrored(glossy)}
 
 
 def render_highlights(scene: bpy.types.Scene, samples: int) -> NDArray[np.float32]:

@@ -98,9 +98,10 @@ def _renders(
         camera = read_camera(scene, photo.size)
         covered = yield from shifted(_covered(camera, then, now), 0.0, 0.1)
         with _alike(scene, before, photo.size):
-            was = yield from shifted(reference.picture(scene, before, samples), 0.1, 0.55)
-            is_now = yield from shifted(render(scene, samples), 0.55, 0.9)
-            put_back = yield from shifted(changed_highlights(scene, before, photo, samples), 0.9, 1.0)
+            # First, while nothing else is held: its passes take Blender more than a picture does.
+            put_back = yield from shifted(changed_highlights(scene, before, photo, samples), 0.1, 0.2)
+            was = yield from shifted(reference.picture(scene, before, samples), 0.2, 0.6)
+            is_now = yield from shifted(render(scene, samples), 0.6, 1.0)
     return was, is_now, covered, put_back
 
 

@@ -6,6 +6,7 @@ import bpy
 
 from ...core.types import Array, Progress
 from .. import missing
+from ..dehighlight import LARGE
 from ..jobs import Job
 from ..photo_image import picture_image, read_image
 from ..reshading import reshade
@@ -28,7 +29,7 @@ class RESHADE_OT_reshade(Job, bpy.types.Operator):
     def steps(self, context: bpy.types.Context) -> Generator[Progress, None, Array]:
         """Render the difference the edits make; the scene stays as it is."""
         choices = context.scene.reshade
-        return (yield from reshade(context.scene, read_image(choices.photo), choices.samples))
+        return (yield from reshade(context.scene, read_image(choices.photo, LARGE), choices.samples))
 
     def finish(self, context: bpy.types.Context, result: Array) -> str:
         """Keep the reshaded photo as an image and show it in open image editors."""

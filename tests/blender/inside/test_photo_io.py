@@ -47,10 +47,13 @@ def test_eight_bits_become_sixteen_exactly(io, tmp_path, noise):
     np.testing.assert_array_equal(stored(tmp_path / "out.png", "uint16"), values * 257)
 
 
-def test_all_sixteen_bit_values_come_back(io, tmp_path):
+@pytest.mark.parametrize("large", [0, 1])
+def test_all_sixteen_bit_values_come_back(io, tmp_path, large):
     values = np.arange(65536, dtype=np.uint16).reshape(256, 256, 1).repeat(3, axis=2)
     write(tmp_path / "in.png", values)
-    io.write_picture(tmp_path / "out.png", io.read_photo(tmp_path / "in.png").linear)
+    linear = io.read_photo(tmp_path / "in.png", large=large).linear
+    assert linear.dtype == (np.float32 if large else np.float64)
+    io.write_picture(tmp_path / "out.png", linear)
     np.testing.assert_array_equal(stored(tmp_path / "out.png", "uint16"), values)
 
 
