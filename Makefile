@@ -3,7 +3,7 @@
 # make test-blender  the extension in real Blenders, each in a chroot under .build/ (needs root and Debian or Ubuntu)
 # make extension     the zips to install, one a platform, under dist/
 # make screenshot    docs/pictures/sidebar.png anew
-# make bench         accuracy and speed on scenes of known truth: the table of bench/results.md
+# make bench         accuracy and speed on scenes of known truth: the table of bench/suite.md
 # Each sets up what it needs; what stands is not set up again.
 
 PYTHON := .venv/bin/python

@@ -2,7 +2,7 @@
 
     python -m reshade.bench.run [--seeds dev|report|N,N] [--kinds NAME ...] [--quality NAME] [--from-truth]
 
-Development is done on some seeds and reported on others. A full run writes its table to bench/results.md. Every scene
+Development is done on some seeds and reported on others. A full run writes its table to bench/suite.md. Every scene
 is measured in a process of its own, so that one that fails or hangs takes nothing with it.
 """
 
@@ -168,7 +168,7 @@ def main(arguments: list[str]) -> int:
             "centre / interval: above 1, the 90 % interval misses the truth.",
             "",
         ]
-        (HERE / "results.md").write_text("\n".join([*head, *lines]) + "\n")
+        (HERE / "suite.md").write_text("\n".join([*head, *lines]) + "\n")
     return 1 if any(found["message"] for _, _, found in results) else 0
 
 

@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..radiance.lights import coordinates, moved, reach_of
-from ..types import Array, Light
+from ..radiance.lights import coordinates, moved, reach_of, resized
+from ..types import AreaLight, Array, Light
 from .covariance import covariance
 from .problem import (
     WIDEST_PROBE,
@@ -27,6 +27,7 @@ from .problem import (
 _LARGEST_STEP = 0.5  # in the coordinates of `moved`
 _PROBE_UNIT = 0.02  # of a step: shadows are probed that much farther for each
 _LARGEST_LOG_STEP = 2.0  # of a strength
+_SIZES = 4  # of `resized`, not rolled: a light of the right size turns by itself
 _LEAST_STRENGTH = 1e-300  # whose logarithm is a number
 
 
@@ -79,6 +80,20 @@ def fit_light(
             break
         expected = expected_residual(problem, state)
     return result_of(problem, state, done, converged)
+
+
+def other_sizes(
+    problem: Problem, fit: LightFit, *, iterations: int, tolerance: float = 1e-4
+) -> Generator[float, None, LightFit]:
+    """Fit from other sizes where a rectangle was found; the best fit of all, the one given included.
+
+    Sides are told by penumbrae alone: a fit whose penumbrae are in the wrong places rests with any.
+    """
+    sizes = resized(fit.light)[:_SIZES] if isinstance(fit.light, AreaLight) else []
+    for light in sizes:
+        found = yield from fit_light(problem, light, iterations=iterations, tolerance=tolerance)
+        fit = min(fit, found, key=lambda one: one.score)
+    return fit
 
 
 def search_light(problem: Problem, light: Light, *, widest: float, finest: float) -> Generator[float, None, Light]:

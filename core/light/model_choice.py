@@ -10,9 +10,7 @@ from .covariance import CELLS, patches
 from .fit import LightFit
 from .problem import Problem, State, score, spread_of
 
-_AS_WELL = 0.05  # of negative log likelihood a sample: residuals 5 % larger are no evidence, models are never exact
-# ... unless that is much of what the photo shows: root mean square of what one light explains and another does not, of
-# the mean brightness. Over texture, even a light that is far off leaves hardly more than the right one.
+# What one light explains and another does not, root mean square of the mean brightness: more is seen, whatever is told.
 _MUCH = 0.01
 # From beyond so many extents of the scene a rectangle's distance, tilt and sides show as one gradient of a few per
 # cent, which anything unmodelled outweighs: it has to explain clearly more than a point.
@@ -45,26 +43,34 @@ def independent_count(problem: Problem, fit: LightFit) -> float:
     return len(unit) / max(alike, 1.0)
 
 
-def choose(fits: Sequence[LightFit], scores: Sequence[float], problem: Problem, extent: float) -> int:
-    """Choose among fits by their criteria on `problem`; returns the index.
+def choose(fits: Sequence[LightFit], problem: Problem, extent: float) -> int:
+    """Choose among fits to `problem`; returns the index.
 
     A sun is simpler than a point and a point than a rectangle, and a simpler light that explains the photo as well is
-    taken; than a rectangle beyond ten extents of the scene, also one that explains it somewhat less well.
+    taken: as well by the Bayesian criterion, of as many samples as are independent. Over texture most are, so little is
+    enough to tell lights apart; what a model has wrong is alike all over a surface, and says little. Of a rectangle
+    beyond ten extents of the scene more is asked.
     """
     away = [0.0 if isinstance(fit.light, SunLight) else reach_of(fit.light, problem.middle) / extent for fit in fits]
     near = [i for i in range(len(fits)) if away[i] < _NO_POINT] or list(range(len(fits)))
-    best = min(near, key=lambda i: scores[i])
+    left = [score(problem, at_rest(fit, problem)) for fit in fits]
+    best = min(near, key=lambda i: left[i])
+    told = independent_count(problem, fits[best])
+    unknowns = [coordinates(fit.light) for fit in fits]
     doubtful = isinstance(fits[best].light, AreaLight) and away[best] > _FAR
-    within = 2 * (_CLEARLY if doubtful else _AS_WELL) * len(problem.samples)
-    left = [_mean_square(fit, problem) for fit in fits]
     usual = float(np.average(problem.brightness, weights=problem.samples.weight))
-    much = np.inf if doubtful else (_MUCH * usual) ** 2
-    good = [
-        i
-        for i in near
-        if scores[i] <= scores[best] or (scores[i] <= scores[best] + within and left[i] <= left[best] + much)
-    ]
-    return min(good, key=lambda i: (_SIMPLER.index(type(fits[i].light)), scores[i]))
+    square = [_mean_square(fit, problem) for fit in fits]
+
+    def as_well(i: int) -> bool:
+        worse = left[i] - left[best]
+        if doubtful and worse <= _CLEARLY:
+            return True
+        evidence, price = 2 * told * worse, (unknowns[best] - unknowns[i]) * np.log(told)
+        return bool(evidence <= price and square[i] <= square[best] + (_MUCH * usual) ** 2)
+
+    return min(
+        (i for i in near if i == best or as_well(i)), key=lambda i: (_SIMPLER.index(type(fits[i].light)), left[i])
+    )
 
 
 def _mean_square(fit: LightFit, problem: Problem) -> float:

@@ -7,14 +7,11 @@ import numpy as np
 
 from ..photo.segmentation import Labels, at_samples, by_albedo, in_segments
 from ..progress import watched
-from ..radiance.lights import resized
-from ..types import AreaLight, Light, Progress, Samples
-from .fit import LightFit, fit_light
+from ..types import Light, Progress, Samples
+from .fit import LightFit, fit_light, other_sizes
 from .sight import Asked, Effort, Sight
 
 _GAIN = 0.1  # of negative log likelihood a sample: what several albedos a surface have to explain
-
-_SIZES = 4  # of `resized`, not rolled: the last fits turn a light that is the right size
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,11 +46,8 @@ def divided(
         return None
     better = yield from fitted(parts, apart.light, 0.4, 0.55)
     # The sides were found with the albedos' edges in the way, so others have their turn again.
-    others = resized(better.light)[:_SIZES] if isinstance(better.light, AreaLight) else []
-    for i, other in enumerate(others):
-        begin = 0.55 + 0.3 * i / len(others)
-        fit = yield from fitted(parts, other, begin, begin + 0.3 / len(others))
-        better = min(better, fit, key=lambda one: one.score)
+    sizes = other_sizes(parts.problem(sight, count, rays), better, iterations=12, tolerance=effort.tolerance)
+    better = yield from watched(sizes, 0.55, 0.85, message)
     whole = yield from fitted(here, light, 0.85, 1.0)
     return Divided(parts, better.light) if whole.score - better.score > _GAIN else None
 

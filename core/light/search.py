@@ -25,7 +25,7 @@ from ..types import (
     SunLight,
 )
 from .cues import diffuse_maxima, grid, highlights, terminators
-from .fit import LightFit, fit_light, search_light
+from .fit import LightFit, fit_light, other_sizes, search_light
 from .hints import Hint, hinted_lines, turned
 from .model_choice import choose, criterion
 from .polish import enriched, polished, polished_with_regions
@@ -99,7 +99,10 @@ def search(
     parts = yield from shifted(divided(sight, here, effort, tried[0][1], label), 0.45, 0.5)
     if parts is not None:
         here, tried[0] = parts.asked, (tried[0][0], parts.light, tried[0][2])
-    name, fit, candidates = yield from shifted(_finals(sight, here, effort, tried, solver), 0.55, 0.75)
+    name, fit, candidates = yield from shifted(_finals(sight, here, effort, tried, solver), 0.55, 0.7)
+    fine = here.problem(sight, 2 * effort.fit_samples, effort.polish_rays)
+    sizes = other_sizes(fine, fit, iterations=10, tolerance=effort.tolerance)
+    fit = yield from watched(sizes, 0.7, 0.75, "Trying other sizes")
     whole = yield from shifted(asked(sight, enriched(sight, fit.light, effort)), 0.75, 0.8)
     if parts is None:
         last = polished(sight, whole, fit.light, effort)
@@ -203,7 +206,7 @@ def _finals(
         fitting = SOLVERS[solver](fine, begun, iterations=20, tolerance=effort.tolerance)
         fit = yield from watched(fitting, begin + 0.5 * share, begin + share, message)
         fits.append((name, fit, Candidate(name, criterion(fit, fine), time.perf_counter() - since)))
-    chosen = choose([fit for _, fit, _ in fits], [found.score for *_, found in fits], fine, sight.extent)
+    chosen = choose([fit for _, fit, _ in fits], fine, sight.extent)
     name, fit, _ = fits[chosen]
     best_of: dict[str, Candidate] = {}
     for _, _, candidate in sorted(fits, key=lambda entry: -entry[2].score):
