@@ -12,7 +12,7 @@ import numpy as np
 from .assembly import Clock, assembled, failed, united
 from .light.hints import Hint
 from .light.polish import finished, polished
-from .light.response_fit import likeliest_response
+from .light.response_fit import Response, likeliest_response
 from .light.search import Searched, search, with_second, without_highlights
 from .light.sight import Asked, Effort, Sight, asked, look
 from .light.uncertainty import uncertainty_of
@@ -77,6 +77,7 @@ def estimate(
     if solver != "trust-region":  # a baseline's result is left as it found it
         effort = replace(effort, last_steps=0)
     rounds, exponent, seen = _RESPONSE_ROUNDS if fit_response else 0, 1.0, photo
+    response: Response | None = None
     for turn in range(rounds + 1):
         begin, share = 0.6 * turn / (rounds + 1), 0.6 / (rounds + 1)
         yield Progress(begin, "Choosing samples")
@@ -88,6 +89,8 @@ def estimate(
             return failed("No place for a light explains any of the shading: check the camera and the geometry", clock)
         found = sought
         clock.mark("fit")
+        if model != "auto" and not fit_response:
+            break  # a light that was asked for may be the wrong one, and a response would make up for it
         comparing = likeliest_response(found.asked.problem(sight, effort.fit_samples, effort.polish_rays), found.fit)
         message = "Holding the photo's response against the light's shading"
         response = yield from watched(comparing, begin + 0.95 * share, begin + share, message)
@@ -122,17 +125,17 @@ def estimate(
     lights = (fit.light, *others)
     sure = tuple(uncertainty_of(one, reach_of(one.light, sight.middle)) for one in (fit, found.second) if one)
     chosen = f"{found.name} light" + (" and a second" if others else "")
+    held = [Candidate(f"response {one.exponent:.2f}", -one.gain, clock.seconds["response"]) for one in (response,) if one]
     result = assembled(seen, here.samples, lights, materials, sure, chosen, clock)
-    held = Candidate(f"response {response.exponent:.2f}", -response.gain, clock.seconds["response"])
     result = replace(
         result,
-        candidates=(*found.candidates, held, *result.candidates),
+        candidates=(*found.candidates, *held, *result.candidates),
         scale=scale,
         surfaces=united(result.surfaces, samples.names),
         starts=tuple(Tried(entry.cue, entry.score) for entry in found.starts),
         response=exponent,
     )
-    if response.evident:
+    if response and response.evident:
         curved = (
             f"The photo's response is not what its file says: its linear values to the power {response.exponent:.2f} "
             "are explained better. Have the response fitted, or export the photo without a tone curve."
