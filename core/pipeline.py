@@ -125,7 +125,9 @@ def estimate(
     lights = (fit.light, *others)
     sure = tuple(uncertainty_of(one, reach_of(one.light, sight.middle)) for one in (fit, found.second) if one)
     chosen = f"{found.name} light" + (" and a second" if others else "")
-    held = [Candidate(f"response {one.exponent:.2f}", -one.gain, clock.seconds["response"]) for one in (response,) if one]
+    held = []
+    if response:
+        held = [Candidate(f"response {response.exponent:.2f}", -response.gain, clock.seconds["response"])]
     result = assembled(seen, here.samples, lights, materials, sure, chosen, clock)
     result = replace(
         result,
