@@ -21,6 +21,7 @@ _NARROWER = (1.2, 1.1)  # factors between exponents that are tried around the be
 _STEPS = 6  # of the light's fit at each
 _RISING = (0.0, 0.5, 1.0)  # powers of brightness that a spread goes with
 _DARKEST = 1e-3  # of the median: below, a logarithm says nothing
+_PLAUSIBLE = 1.8  # no tone curve of a camera is as far from its file's: something else is not modelled
 _CLEAR = 0.1  # of negative log likelihood a sample: models are never exact
 
 
@@ -51,7 +52,8 @@ def likeliest_response(problem: Problem, fit: LightFit) -> Generator[float, None
         best = min(left, key=left.__getitem__)
     gain = left[1.0] - left[best]
     told = independent_count(_powered(problem, best), fits[best])
-    evident = gain > _CLEAR and 2 * told * gain > np.log(told)
+    plausible = 1 / _PLAUSIBLE < best < _PLAUSIBLE
+    evident = plausible and gain > _CLEAR and 2 * told * gain > np.log(told)
     return Response(best, gain, bool(evident))
 
 
