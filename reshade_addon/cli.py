@@ -109,7 +109,7 @@ def _render(arguments: argparse.Namespace, console: Console) -> tuple[int, str]:
         scene = open_blend(arguments.scene)
         if scene.reshade.photo is None:
             raise ReshadeError("The scene has no photo", "Estimate the light or solve the materials first")
-        photo = photo_image.read_image(scene.reshade.photo, dehighlight.LARGE)
+        photo = photo_image.read_image(scene.reshade.photo, photo_io.LARGE)
         samples = arguments.samples or scene.reshade.samples
         if arguments.layers:
             photo_io.write_layers(beside, drain(reshade_layers(scene, photo, samples), console.tell))

@@ -16,7 +16,6 @@ from .console import Console, Parser, ended
 from .files import Outputs
 
 COMMAND = "dehighlight"
-LARGE = 8_000_000  # pixels, from which on memory matters more than the last digits
 SUMMARY = "split a photo into its diffuse part and its highlights"
 
 
@@ -44,7 +43,7 @@ def run(arguments: argparse.Namespace, console: Console) -> tuple[int, str]:
         raise ReshadeError(f"The mask '{arguments.mask}' is no PNG", "Name it .png")
     with Outputs() as outputs:
         output, specular, mask = (outputs.path(name) if name else None for name in (*given, arguments.mask))
-        photo, alpha = photo_io.read_picture(arguments.photo, True if arguments.linear else None, LARGE)
+        photo, alpha = photo_io.read_picture(arguments.photo, True if arguments.linear else None, photo_io.LARGE)
         gloss = []
         if arguments.scene:
             found, gloss = _with_scene(arguments.scene, photo, console)
@@ -72,11 +71,7 @@ def _with_scene(path: str, photo: Photo, console: Console) -> tuple[Split, list[
 
 
 def main(argv: Sequence[str]) -> int:
-    """Run the command by itself, without Blender but for a scene, and return its exit code."""
-    if any(argument.startswith("--scene") for argument in argv):
-        from . import cli
-
-        return cli.main([COMMAND, *argv])
+    """Run the command by itself, without a scene and so without Blender, and return its exit code."""
 
     def command() -> tuple[int, str]:
         parser = Parser(prog=f"reshade {COMMAND}", description=SUMMARY)

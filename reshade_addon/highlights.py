@@ -12,8 +12,8 @@ from ..core.color import srgb_to_linear
 from ..core.errors import ReshadeError
 from ..core.highlights import Split
 from ..core.types import Array, Photo
-from .dehighlight import LARGE
 from .photo_image import by_rows, picture_image
+from .photo_io import LARGE
 
 SHOWN = (
     ("IMAGE", "Original", "The image with its highlights"),

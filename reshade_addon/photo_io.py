@@ -19,6 +19,7 @@ from ..core.types import Array, Photo
 READABLE = (".png", ".jpg", ".jpeg", ".exr", ".tif", ".tiff", ".hdr", ".bmp", ".webp", ".tga")
 WRITABLE = (".exr", ".png")
 
+LARGE = 8_000_000  # pixels, from which on memory matters more than the last digits
 SMALLEST_SIDE = 8  # pixels; below it there is no shading to speak of
 BLACK = 1e-5  # linear; under a thirtieth of an 8-bit step
 

@@ -107,11 +107,11 @@ class Chroot:
             raise SystemExit(f"Failed with {code} in {self.suite}: {' '.join(command)}")
 
     def test(self) -> None:
-        """The tests in `inside`."""
+        """The tests in `inside`, but for those that ask Cycles about mathematics, not this Blender about the add-on."""
         self.run("blender", "--version", seconds=60)
         self.check(
             *["blender", "--background", "--python-exit-code", "1", "--python", "tests/blender/run_inside.py"],
-            *["--", "-rs", "tests/blender/inside"],
+            *["--", "-rs", "-m", "not oracle", "tests/blender/inside"],
             seconds=1200,
         )
 

@@ -6,9 +6,9 @@ import bpy
 
 from ...core.types import Array, Progress
 from .. import missing
-from ..dehighlight import LARGE
 from ..jobs import Job
 from ..photo_image import picture_image, read_image
+from ..photo_io import LARGE
 from ..reshading import reshade
 
 RESULT = "Reshaded photo"
