@@ -14,7 +14,7 @@ SOURCES := __init__.py blender_manifest.toml LICENSE $(wildcard README.md) $(she
 
 SEEDS := dev
 
-.PHONY: bench demo test lint types extension test-blender screenshot
+.PHONY: bench demo test test-core test-addon lint types extension test-blender test-trixie test-sid screenshot
 
 demo: $(MAIN)
 	$(PYTHON) demo_blend/run.py
@@ -22,8 +22,15 @@ demo: $(MAIN)
 bench: $(MAIN)
 	$(PYTHON) -m reshade.bench.run --seeds $(SEEDS)
 
-test: lint types $(ZIPS) $(SMOKE)
-	$(PYTHON) -m pytest -rs tests/core tests/blender
+# Two at a time: each of them keeps one core busy.
+test: lint types
+	$(MAKE) --no-print-directory -j2 test-core test-addon
+
+test-core: $(MAIN)
+	$(PYTHON) -m pytest -rs tests/core
+
+test-addon: $(ZIPS) $(SMOKE)
+	$(PYTHON) -m pytest -rs tests/blender
 
 lint: $(MAIN)
 	$(PYTHON) -m ruff check .
@@ -34,7 +41,12 @@ types: $(MAIN)
 extension: $(ZIPS)
 
 test-blender: $(ZIPS)
+	$(MAKE) --no-print-directory -j2 test-trixie test-sid
+
+test-trixie: $(ZIPS)
 	$(PYTHON) tools/real_blender.py trixie
+
+test-sid: $(ZIPS)
 	$(PYTHON) tools/real_blender.py sid --best-effort
 
 screenshot: $(ZIPS)

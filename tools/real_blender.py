@@ -10,6 +10,7 @@ tests/blender/inside run in it, its command line finds the light of a real photo
 """
 
 import argparse
+import fcntl
 import os
 import shutil
 import subprocess
@@ -66,12 +67,15 @@ class Chroot:
             return
         if os.geteuid() != 0:
             raise Unavailable("A chroot needs root")
-        if shutil.which("debootstrap") is None:
-            subprocess.run(["apt-get", "update", "-qq"], check=True)
-            subprocess.run(["apt-get", "install", "-y", "-qq", "--no-install-recommends", "debootstrap"], check=True)
+        self.root.parent.mkdir(exist_ok=True)
+        with (self.root.parent / "debootstrap.lock").open("w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)  # two suites may be made at a time
+            if shutil.which("debootstrap") is None:
+                install = ["apt-get", "install", "-y", "-qq", "--no-install-recommends", "debootstrap"]
+                subprocess.run(["apt-get", "update", "-qq"], check=True)
+                subprocess.run(install, check=True)
         print(f"making {self.root.relative_to(ROOT)}", flush=True)
         shutil.rmtree(self.root, ignore_errors=True)
-        self.root.parent.mkdir(exist_ok=True)
         log = self.root.with_suffix(".log")
         with log.open("w") as out:
             done = subprocess.run(

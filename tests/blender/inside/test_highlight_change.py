@@ -4,6 +4,8 @@ import bpy
 import numpy as np
 import pytest
 
+pytestmark = pytest.mark.oracle
+
 SHINY = {"Ball": (0.6, 0.3), "Box": (0.5, 0.4)}  # strength and roughness
 
 

@@ -4,6 +4,8 @@ import bpy
 import numpy as np
 import pytest
 
+pytestmark = pytest.mark.oracle
+
 
 @pytest.fixture
 def glossy(tabletop, lamp, load, drain):

@@ -14,6 +14,8 @@ import OpenImageIO
 import pytest
 from mathutils import Matrix, Vector
 
+pytestmark = pytest.mark.oracle
+
 SIDE = 64
 MEAN, WORST = 0.003, 0.01  # what form factors and strengths may differ by
 ALBEDO = 0.8
