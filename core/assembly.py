@@ -60,6 +60,11 @@ def assembled(
     chosen: str,
     clock: Clock,
 ) -> Estimate:
+    """Assemble the estimate of lights and materials that explain samples of a photo.
+
+    sure : how sure each light is; chosen : the kind of light, in words; clock : what it says becomes `Estimate.seconds`
+    Falsy where no light of positive strength explains the photo.
+    """
     radiometry = materials.radiometry
     weight, residual = samples.weight, radiometry.residual
     model = np.maximum(samples.colour - residual, 0.0)
@@ -103,6 +108,7 @@ def assembled(
 
 
 def failed(message: str, clock: Clock) -> Estimate:
+    """Make the falsy estimate of a photo that could not be explained; `message` says why."""
     nothing = np.zeros(3)
     return Estimate((), nothing, (), (), 0.0, 0.0, nothing, "none", (), SCALE, message, (), clock.all())
 

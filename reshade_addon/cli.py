@@ -124,8 +124,7 @@ def _paint(arguments: argparse.Namespace, console: Console) -> tuple[int, str]:
         scene = open_blend(arguments.scene)
         if scene.reshade.photo is None:
             raise ReshadeError("The scene has no photo", "Estimate the light or solve the materials first")
-        photo = photo_image.read_radiance(scene, scene.reshade.photo)
-        painting = straightened(photo_io.read_photo(arguments.painting), scene.reshade.response)
+        photo, painting = photo_image.read_image(scene.reshade.photo), photo_io.read_photo(arguments.painting)
         match arguments.solve:
             case "lights":
                 steps = paint.solve_lights(scene, photo, painting, keep_colours=arguments.keep_colours)

@@ -12,6 +12,7 @@ import numpy as np
 from ..core.errors import ReshadeError
 from ..core.materials.gloss import MATT, Gloss, GlossFit, Lit
 from ..core.materials.painting import interest, painted_on, solve_albedo, solve_strengths
+from ..core.photo.response import straightened
 from ..core.photo.samples import subset
 from ..core.progress import shifted
 from ..core.radiance.lights import shading, strength_of, with_strength
@@ -46,13 +47,14 @@ def _read(scene: bpy.types.Scene, photo: Photo, painting: Photo) -> Generator[Pr
         )
     live = yield from begin(scene, photo)
     yield Progress(0.9, "Solving for what was painted")
-    height, width = live.photo.shape[:2]
-    wish = resized(painting.linear, width, height)
+    height, width = live.straight.shape[:2]
+    small = replace(painting, linear=resized(painting.linear, width, height))
+    wish = straightened(small, live.exponent).linear
     usable = live.preview.hit & (live.was.max(axis=2) > 0)
-    touched = painted_on(live.photo, wish) & usable
+    touched = painted_on(live.straight, wish) & usable
     if not touched.any():
         raise ReshadeError("The painting is the photo", "Paint on it how it should look, where geometry is modelled")
-    wanted = live.was + (wish - live.photo) / gain_of(live.photo, live.was)
+    wanted = live.was + (wish - live.straight) / gain_of(live.straight, live.was)
     now = read_lighting(scene, live.preview.samples.names, bpy.data.materials)
     return _Wish(live, now, wanted, wish, touched, usable)
 

@@ -7,6 +7,7 @@ A photo read from 8 bits and written to 16 is each value times 257; a float32 EX
 import tempfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -143,14 +144,7 @@ def write_layers(path: str | Path, layers: Mapping[str, ArrayLike]) -> None:
     spec.channelformats = tuple(oiio.TypeDesc(kind) for kind in kinds)
     spec.attribute("compression", "zip")
     spec.attribute("oiio:ColorSpace", "lin_rec709")
-    file = oiio.ImageOutput.create(str(path))
-    written = file.open(str(path), spec)
-    for row in range(0, height, _ROWS):
-        rows = slice(row, min(row + _ROWS, height))
-        block = np.stack([plane[rows].astype(np.float32) for plane in planes], axis=-1)
-        written = written and file.write_scanlines(rows.start, rows.stop, 0, np.ascontiguousarray(block))
-    if not (file.close() and written):
-        raise ReshadeError(f"'{path}' cannot be written ({file.geterror().strip()})", "Check the folder and the disk")
+    _write_rows(path, spec, lambda rows: np.stack([plane[rows].astype(np.float32) for plane in planes], axis=-1))
 
 
 def write_picture(path: str | Path, linear: ArrayLike, alpha: Array | None = None) -> None:
@@ -270,10 +264,17 @@ def _write(
     spec = oiio.ImageSpec(width, height, channels, kind)
     for name, value in attributes.items():
         spec.attribute(name, value)
+    _write_rows(path, spec, pixels)
+
+
+def _write_rows(path: Path, spec: Any, pixels: Callable[[slice], np.ndarray]) -> None:
+    """Write a file, a few rows at a time. Raises ReshadeError where it cannot be written."""
+    import OpenImageIO as oiio
+
     file = oiio.ImageOutput.create(str(path))
     written = file.open(str(path), spec)
-    for row in range(0, height, _ROWS):
-        rows = slice(row, min(row + _ROWS, height))
+    for row in range(0, spec.height, _ROWS):
+        rows = slice(row, min(row + _ROWS, spec.height))
         written = written and file.write_scanlines(rows.start, rows.stop, 0, np.ascontiguousarray(pixels(rows)))
     # The last bytes are written on closing: a full disk shows only there.
     if not (file.close() and written):

@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from ..core.errors import ReshadeError
 from ..core.types import Array, Progress
-from .photo_io import read_linear, read_pass
+from .photo_io import LARGE, read_linear, read_pass
 from .render_depsgraph import first_layer, settings
 
 CHUNK = 64  # samples between two looks at the clock: a picture of so many is made without a pause
-TOGETHER = 8_000_000  # pixels of which all passes are rendered together
+TOGETHER = LARGE  # pixels of which all passes are rendered together
 
 
 def render(

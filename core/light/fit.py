@@ -149,9 +149,14 @@ def result_of(problem: Problem, state: State, iterations: int, converged: bool) 
     )
 
 
+def at_rest(fit: LightFit, problem: Problem) -> State:
+    """The state a fit ended in, on the samples of `problem`."""
+    return problem.state(fit.light, np.log(np.maximum(fit.strength, _LEAST_STRENGTH)), fit.around, 1.0)
+
+
 def with_covariance(problem: Problem, fit: LightFit) -> LightFit:
     """A fit to `problem` with how sure it is, which takes as long to say as some steps of the fit."""
-    state = problem.state(fit.light, np.log(np.maximum(fit.strength, _LEAST_STRENGTH)), fit.around, 1.0)
+    state = at_rest(fit, problem)
     sure = covariance(problem, state, expected_residual(problem, state))
     # One overall log strength: the mean over the samples, each of its own surface.
     size, surfaces = coordinates(fit.light), len(fit.strength)

@@ -7,7 +7,7 @@ import numpy as np
 from ..radiance.lights import coordinates, reach_of
 from ..types import AreaLight, PointLight, SunLight
 from .covariance import CELLS, patches
-from .fit import LightFit
+from .fit import LightFit, at_rest
 from .problem import Problem, State, score, spread_of
 
 # What one light explains and another does not, root mean square of the mean brightness: more is seen, whatever is told.
@@ -26,17 +26,11 @@ def criterion(fit: LightFit, problem: Problem) -> float:
     return 2 * count * score(problem, at_rest(fit, problem)) + unknowns * float(np.log(count))
 
 
-def at_rest(fit: LightFit, problem: Problem) -> State:
-    """The state a fit ended in, on the samples of `problem`."""
-    return problem.state(fit.light, np.log(np.maximum(fit.strength, 1e-300)), fit.around, 1.0)
-
-
-def independent_count(problem: Problem, fit: LightFit) -> float:
-    """Estimate how many independent residuals a fit leaves: fewer than samples where those of a patch belong together.
+def independent_count(problem: Problem, state: State) -> float:
+    """Estimate how many independent residuals a state leaves: fewer than samples where those of a patch go together.
 
     The mean square of patches' sums over that of independent ones says how many stand for one; the most of all sizes.
     """
-    state = at_rest(fit, problem)
     unit = np.clip(state.residual(problem) / spread_of(problem, state), -_OUTLIER, _OUTLIER)
     sums = [np.bincount(patches(problem.samples, cells), unit) for cells in CELLS]
     alike = max(float((total**2).sum() / max((unit**2).sum(), 1e-300)) for total in sums)
@@ -53,13 +47,15 @@ def choose(fits: Sequence[LightFit], problem: Problem, extent: float) -> int:
     """
     away = [0.0 if isinstance(fit.light, SunLight) else reach_of(fit.light, problem.middle) / extent for fit in fits]
     near = [i for i in range(len(fits)) if away[i] < _NO_POINT] or list(range(len(fits)))
-    left = [score(problem, at_rest(fit, problem)) for fit in fits]
+    states = [at_rest(fit, problem) for fit in fits]
+    left = [score(problem, state) for state in states]
     best = min(near, key=lambda i: left[i])
-    told = independent_count(problem, fits[best])
+    told = independent_count(problem, states[best])
     unknowns = [coordinates(fit.light) for fit in fits]
     doubtful = isinstance(fits[best].light, AreaLight) and away[best] > _FAR
-    usual = float(np.average(problem.brightness, weights=problem.samples.weight))
-    square = [_mean_square(fit, problem) for fit in fits]
+    weight = problem.samples.weight
+    usual = float(np.average(problem.brightness, weights=weight))
+    square = [float(np.average(state.residual(problem) ** 2, weights=weight)) for state in states]
 
     def as_well(i: int) -> bool:
         worse = left[i] - left[best]
@@ -71,9 +67,3 @@ def choose(fits: Sequence[LightFit], problem: Problem, extent: float) -> int:
     return min(
         (i for i in near if i == best or as_well(i)), key=lambda i: (_SIMPLER.index(type(fits[i].light)), left[i])
     )
-
-
-def _mean_square(fit: LightFit, problem: Problem) -> float:
-    """Mean square of the residual that a fit leaves on `problem`'s samples, radiance squared."""
-    residual = at_rest(fit, problem).residual(problem)
-    return float(np.average(residual**2, weights=problem.samples.weight))

@@ -159,13 +159,9 @@ def expected_residual(problem: Problem, state: State) -> Array:
     """
     samples, residual = problem.samples, np.abs(state.residual(problem))
     spread = np.full(len(samples.names), _smallest_spread(problem))
-    order = np.lexsort((residual, samples.surface))
-    bounds = np.searchsorted(samples.surface[order], np.arange(len(spread) + 1))
-    for s in np.flatnonzero(np.diff(bounds)):
-        of = order[bounds[s] : bounds[s + 1]]
-        total = np.cumsum(samples.weight[of])
-        tenth = min(int(np.searchsorted(total, 0.9 * total[-1])), len(of) - 1)
-        spread[s] = max(spread[s], residual[of[tenth]] / 1.6449)
+    for s in np.unique(samples.surface):
+        of = samples.surface == s
+        spread[s] = max(spread[s], weighted_quantile(residual[of], samples.weight[of], 0.9) / 1.6449)
     lit = np.exp(state.log_c)[samples.surface] * state.shade
     return np.sqrt(spread[samples.surface] ** 2 + lit**2 * state.share * (1 - state.share) / problem.rays)
 

@@ -15,7 +15,7 @@ import numpy as np
 from ..radiance.lights import coordinates, moved, reach_of
 from ..types import Array
 from .covariance import independent, information
-from .fit import LightFit, result_of
+from .fit import LightFit, at_rest, result_of
 from .problem import Problem, State, _loss_weight, cost, expected_residual
 
 _LARGEST_STEP = 0.15  # in the coordinates of `moved`
@@ -30,7 +30,7 @@ def refined(problem: Problem, fit: LightFit, *, iterations: int, slope_rays: int
     problem : what the fit was made to, with the residual's rays, a few hundred
     iterations : most steps to take; slope_rays : of each of the two sets of slopes
     """
-    state = problem.state(fit.light, np.log(np.maximum(fit.strength, 1e-300)), fit.around, 1.0)
+    state = at_rest(fit, problem)
     damping, quiet, converged, done = 1e-2, 0, False, 0
     for done in range(1, iterations + 1):  # noqa: B007 - `done` is read after the loop
         expected = expected_residual(problem, state)

@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..types import Array
-from .fit import LightFit, fit_light
-from .model_choice import at_rest, independent_count
+from .fit import LightFit, at_rest, fit_light
+from .model_choice import independent_count
 from .problem import Problem, score
 
 _TRIED = (0.5, 0.7, 1.0, 1.4, 2.0)
@@ -51,7 +51,8 @@ def likeliest_response(problem: Problem, fit: LightFit) -> Generator[float, None
         fits[best], left[best] = yield from _fitted(problem, fit, best)
         best = min(left, key=left.__getitem__)
     gain = left[1.0] - left[best]
-    told = independent_count(_powered(problem, best), fits[best])
+    powered = _powered(problem, best)
+    told = independent_count(powered, at_rest(fits[best], powered))
     plausible = 1 / _PLAUSIBLE < best < _PLAUSIBLE
     evident = plausible and gain > _CLEAR and 2 * told * gain > np.log(told)
     return Response(best, gain, bool(evident))

@@ -99,10 +99,7 @@ def search(
     parts = yield from shifted(divided(sight, here, effort, tried[0][1], label), 0.45, 0.5)
     if parts is not None:
         here, tried[0] = parts.asked, (tried[0][0], parts.light, tried[0][2])
-    name, fit, candidates = yield from shifted(_finals(sight, here, effort, tried, solver), 0.55, 0.7)
-    fine = here.problem(sight, 2 * effort.fit_samples, effort.polish_rays)
-    sizes = other_sizes(fine, fit, iterations=10, tolerance=effort.tolerance)
-    fit = yield from watched(sizes, 0.7, 0.75, "Trying other sizes")
+    name, fit, candidates = yield from shifted(_finals(sight, here, effort, tried, solver), 0.55, 0.75)
     whole = yield from shifted(asked(sight, enriched(sight, fit.light, effort)), 0.75, 0.8)
     if parts is None:
         last = polished(sight, whole, fit.light, effort)
@@ -165,7 +162,7 @@ def _starts(sight: Sight, samples: Samples, effort: Effort, model: str, hints: S
 
 
 def _rough(
-    sight: Sight, here: Asked, effort: Effort, initial: Sequence[AreaLight], solver: str, other_sizes: bool
+    sight: Sight, here: Asked, effort: Effort, initial: Sequence[AreaLight], solver: str, resize: bool
 ) -> Generator[Progress, None, list[LightFit]]:
     """Coarse fits from all starts, and from the best of them with other sides; best first."""
     coarse = here.problem(sight, max(effort.fit_samples // 3, 200), max(effort.fit_rays // 3, 16))
@@ -182,7 +179,7 @@ def _rough(
 
     rough = yield from fits(initial, 0.0, 0.6, "Fitting from start")
     rough.sort(key=lambda fit: fit.score)
-    if other_sizes and rough:
+    if resize and rough:
         others = resized(rough[0].light) if isinstance(rough[0].light, AreaLight) else []
         rough += yield from fits(others, 0.6, 1.0, "Trying other sizes,")
         rough.sort(key=lambda fit: fit.score)
@@ -192,11 +189,11 @@ def _rough(
 def _finals(
     sight: Sight, here: Asked, effort: Effort, tried: Sequence[tuple[str, Light, bool]], solver: str
 ) -> Generator[Progress, None, tuple[str, LightFit, tuple[Candidate, ...]]]:
-    """Fine fits of each model, and which is chosen."""
+    """Fine fits of each model, which is chosen, and that from other sizes as well."""
     fine = here.problem(sight, 2 * effort.fit_samples, effort.polish_rays)
     dense = here.problem(sight, 2 * effort.fit_samples, 1)
     fits: list[tuple[str, LightFit, Candidate]] = []
-    share = 1.0 / len(tried)
+    share = 0.75 / len(tried)
     for name, begun, guessed in tried:
         since, begin, message = time.perf_counter(), share * len(fits), f"Fitting the {name} light"
         if guessed:
@@ -208,6 +205,9 @@ def _finals(
         fits.append((name, fit, Candidate(name, criterion(fit, fine), time.perf_counter() - since)))
     chosen = choose([fit for _, fit, _ in fits], fine, sight.extent)
     name, fit, _ = fits[chosen]
+    if solver == "trust-region":
+        sizes = other_sizes(fine, fit, iterations=10, tolerance=effort.tolerance)
+        fit = yield from watched(sizes, 0.75, 1.0, "Trying other sizes")
     best_of: dict[str, Candidate] = {}
     for _, _, candidate in sorted(fits, key=lambda entry: -entry[2].score):
         best_of[candidate.name] = candidate

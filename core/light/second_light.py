@@ -20,7 +20,7 @@ from ..progress import watched
 from ..radiance.lights import coordinates
 from ..types import Candidate, Light, Progress
 from .cues import grid
-from .fit import LightFit, fit_light, with_covariance
+from .fit import LightFit, at_rest, fit_light, with_covariance
 from .model_choice import independent_count
 from .problem import brightness
 from .sight import Asked, Effort, Sight
@@ -95,17 +95,18 @@ def second_light(
     gain = one.score - other.score
     explained = np.average(one.residual**2 - other.residual**2, weights=weight[:count])
     both = here.beside(sight, main.light, rays)
-    told = independent_count(both.problem(sight, count, rays), other)
+    problem = both.problem(sight, count, rays)
+    told = independent_count(problem, at_rest(other, problem))
     # Of many pairs the best was chosen, which costs as well.
-    price = (coordinates(other.light) + 1) * np.log(told) + 2 * np.log(
-        max(comb(len(places) + _STARTS + _SUNS + 1, 2), 1)
-    )
+    pairs = comb(1 + _STARTS + _SUNS + len(places), 2)
+    price = (coordinates(other.light) + 1) * np.log(told) + 2 * np.log(pairs)
     if gain < _GAIN or explained < (_MUCH * level) ** 2 or 2 * told * gain < price:
         return None, considered(gain)
-    falls, left = other.around[-1] * both.others.mean(), other.score
-    main, other = (main, other) if falls > other.shading.mean() else (other, main)
-    beside_main = here.beside(sight, main.light, rays).problem(sight, count, rays)
-    return Pair(main, with_covariance(beside_main, other), left), considered(gain)
+    left = other.score
+    if other.around[-1] * both.others.mean() <= other.shading.mean():
+        main, other = other, main
+        problem = here.beside(sight, main.light, rays).problem(sight, count, rays)
+    return Pair(main, with_covariance(problem, other), left), considered(gain)
 
 
 def _pairs(
@@ -120,7 +121,7 @@ def _pairs(
         return Judge(replace(samples, openness=other), level, sight.visible, sight.extent, sight.far)
 
     problem = here.problem(sight, count, _RAYS)
-    state = problem.state(only.light, np.log(np.maximum(only.strength, 1e-300)), only.around, 1.0)
+    state = at_rest(only, problem)
     beside_it = judge(state.shade * state.share + problem.around @ only.around)
     found = find_starts(
         beside_it,

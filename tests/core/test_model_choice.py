@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from core.light.covariance import patches
-from core.light.fit import fit_light
-from core.light.model_choice import at_rest, independent_count
+from core.light.fit import at_rest, fit_light
+from core.light.model_choice import independent_count
 from core.light.problem import Problem, brightness
 from core.photo.samples import choose_samples, extent_of
 from core.pipeline import estimate
@@ -71,5 +71,5 @@ def test_residuals_of_a_patch_that_go_together_count_as_one(ball, alike, least, 
     model = problem.brightness - at_rest(fit, problem).residual(problem)
     noise = rng.normal(size=144)[patches(samples, 12) % 144] if alike else rng.normal(size=len(samples))
     noisy = replace(problem, brightness=model + 0.2 * model.mean() * noise)
-    share = independent_count(noisy, fit) / len(samples)
+    share = independent_count(noisy, at_rest(fit, noisy)) / len(samples)
     assert least < share <= most
