@@ -205,6 +205,24 @@ def sky(scene: bpy.types.Scene, strength: float) -> Array:
     return (horizon + zenith) / 2
 
 
+def fill(scene: bpy.types.Scene, rng: Rng, strength: float) -> Array:
+    """A soft fill from one side, brightest a little above the horizon, none from the other. Returns its mean radiance.
+
+    Towards directions at an angle t to its middle the world's radiance is strength (1 + cos t) / 2.
+    """
+    tree, turn, up = scene.world.node_tree, rng.uniform(0, 2 * np.pi), np.radians(25.0)
+    where, along = tree.nodes.new("ShaderNodeTexCoord"), tree.nodes.new("ShaderNodeVectorMath")
+    along.operation = "DOT_PRODUCT"
+    along.inputs[1].default_value = (np.cos(up) * np.cos(turn), np.cos(up) * np.sin(turn), np.sin(up))
+    ramp = tree.nodes.new("ShaderNodeMapRange")
+    for name, value in (("From Min", -1.0), ("From Max", 1.0), ("To Min", 0.0), ("To Max", strength)):
+        ramp.inputs[name].default_value = value
+    tree.links.new(where.outputs["Generated"], along.inputs[0])
+    tree.links.new(along.outputs["Value"], ramp.inputs["Value"])
+    tree.links.new(ramp.outputs["Result"], tree.nodes["Background"].inputs["Color"])
+    return np.full(3, strength / 2)
+
+
 def coarsen(rng: Rng) -> None:
     """Misplace, scale and turn each thing by about 2 %, and make it of fewer faces, as one modelled by eye."""
     for thing in _things():
@@ -227,6 +245,12 @@ def leave_out_half(rng: Rng) -> None:
     things = _things()
     for index in rng.permutation(len(things))[: len(things) // 2]:
         bpy.data.objects.remove(things[index])
+
+
+def leave_out_walls(_: Rng) -> None:
+    """Remove the coloured walls and the ceiling of a room."""
+    for name in ("left wall", "right wall", "ceiling"):
+        bpy.data.objects.remove(bpy.data.objects[name])
 
 
 def _things() -> list[bpy.types.Object]:

@@ -38,6 +38,7 @@ CLIPPED = 0.93  # share of an overexposed photo below white
 SUN_ANGLE = np.radians(0.53)
 BOARD_ROOM = 0.7  # side of a square across the light's way that holds the board
 SKY = 0.12  # radiance of a sky over what the sun makes of a white surface
+FILL = 0.25  # most radiance of a fill over what the light makes of a white surface
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +49,7 @@ class Kind:
     material: Callable | None = None  # changes materials; returns those whose albedo is no single value
     light: str = "lamp"  # lamp, softbox, far or sun
     second: bool = False  # a second light, a fifth as bright, of which the photo's user knows nothing
-    ambient: str = "none"  # none, low or sky
+    ambient: str = "none"  # none, low, sky or fill
     forget: Callable | None = None  # what the model has wrong
     sensor: Callable | None = None
     overexposed: bool = False
@@ -72,6 +73,8 @@ KINDS = {
     "only a shadow": Kind(geometry=parts.floor_and_board),
     "coarse geometry": Kind(forget=parts.coarsen),
     "half modelled": Kind(forget=parts.leave_out_half),
+    "walls unmodelled": Kind(geometry=parts.room, forget=parts.leave_out_walls, bounces=6, samples=128),
+    "fill from one side": Kind(ambient="fill", samples=96),
     "second light": Kind(second=True),
     "millimetres": Kind(unit=1e-3),
     "kilometres": Kind(unit=1e3),
@@ -142,6 +145,8 @@ def build(kind: Kind, rng: parts.Rng, folder: Path) -> None:
         _write(scene, light_now)
     if kind.ambient == "sky":
         ambient = parts.sky(scene, SKY * gain * level)
+    elif kind.ambient == "fill":
+        ambient = parts.fill(scene, rng, FILL * gain * level)
     else:
         ambient = gain * ambient
         blender.set_world(scene, tuple(ambient))
