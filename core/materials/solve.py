@@ -25,12 +25,13 @@ from ..photo.segmentation import Labels, by_albedo
 from ..radiance.interreflection import Gathered, Surroundings
 from ..radiance.lights import shading as shading_of
 from ..radiance.visibility import visible_fraction
-from ..types import Array, Light, Progress, Samples, Visible
+from ..types import AreaLight, Array, Light, Progress, Samples, Visible
 from .gloss import MATT, STRONGEST, Gloss, GlossFit, Lit, base_share, specular_term, towards
 from .radiometric import SCALE, Radiometry, left_over, solve_radiometry
 
 _ROUNDS = 2
 _EDGEWAYS = 0.1  # cosine of light on a face
+_BENT = 0.94  # cosine between smooth normal and face: 20 degrees
 _ENOUGH = 8  # samples of a surface
 _EVIDENT = 10.0  # gain of the Bayesian criterion, as for a highlight
 _UNSEEN_RAYS = 16  # to a light from each patch the photo does not show
@@ -149,11 +150,11 @@ def solve_materials(
 
 
 def borne_out(samples: Samples, lights: Sequence[Light]) -> Array:
-    """1 for samples (N,) whose smooth normal and mesh agree on which lights they face, 0 for others, if enough agree.
+    """1 for samples (N,) whose smooth normal and mesh agree on what they face, 0 for others, if enough agree.
 
     Smooth normals of a cone turn upwards to its tip, half a right angle away from its faces, and a coarse ball's are
-    off near its terminator: the faces keep from such places what their normals are turned to, and renderers do not
-    agree on what is seen then.
+    off near its terminator: the faces keep from such places what their normals are turned to, be it a part of a light
+    or other surfaces, and renderers do not agree on what is seen then.
     """
     out = np.ones(len(samples))
     if samples.footprint is None:
@@ -162,9 +163,8 @@ def borne_out(samples: Samples, lights: Sequence[Light]) -> Array:
     length = np.linalg.norm(face, axis=1, keepdims=True)
     face = np.where(length > 0, face / np.where(length > 0, length, 1.0), samples.normal)
     face *= np.where(np.einsum("ij,ij->i", face, samples.view) < 0, -1.0, 1.0)[:, None]
-    apart = np.zeros(len(samples), dtype=bool)
-    for light in lights:
-        away = towards(light, samples.point)
+    apart = np.einsum("ij,ij->i", samples.normal, face) < _BENT
+    for away in (way for light in lights for way in _ways_to(light, samples.point)):
         smooth, flat = (np.einsum("ij,ij->i", normal, away) for normal in (samples.normal, face))
         apart |= (flat < _EDGEWAYS) & (smooth > flat + _EDGEWAYS)
     for surface in np.unique(samples.surface[apart]):
@@ -172,6 +172,16 @@ def borne_out(samples: Samples, lights: Sequence[Light]) -> Array:
         if (of & ~apart).sum() >= _ENOUGH:
             out[of & apart] = 0.0
     return out
+
+
+def _ways_to(light: Light, points: Array) -> list[Array]:
+    """Unit vectors (N, 3) to the middle of a light, and to the corners of a rectangle."""
+    ways = [towards(light, points)]
+    if isinstance(light, AreaLight):
+        half = np.stack([light.size[0] * light.u, light.size[1] * light.v]) / 2
+        corners = light.centre + np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) @ half
+        ways += [(corner - points) / np.linalg.norm(corner - points, axis=1, keepdims=True) for corner in corners]
+    return ways
 
 
 def in_regions(samples: Samples, found: Materials, label: Labels) -> Samples:
