@@ -34,6 +34,7 @@ _EDGEWAYS = 0.1  # cosine of light on a face
 _BENT = 0.94  # cosine between smooth normal and face: 20 degrees
 _ENOUGH = 8  # samples of a surface
 _EVIDENT = 10.0  # gain of the Bayesian criterion, as for a highlight
+_SILENT = 4.0  # loss of it, which the one unknown more costs alone
 _UNSEEN_RAYS = 16  # to a light from each patch the photo does not show
 _HEARD = 2e-3  # of what falls on such places: surfaces that send less to the samples are left out
 _SEARCHED = 800  # samples that tell how much light comes from other surfaces
@@ -138,6 +139,13 @@ def solve_materials(
                 as_others = fits[i].fit(strength)
                 if as_others.evidence > _EVIDENT:
                     gloss[i] = replace(as_others, width=as_others.width if as_others.evident else width, evident=False)
+        rest = [i for i in range(len(names)) if not gloss[i] and len(fits[i].samples)]
+        if len(rest) < sum(map(bool, gloss)):
+            # Most have a coat. One takes a twentieth from its base even where nothing of it shows.
+            speak = {i: fits[i].fit(strength).evidence for i in rest}
+            if all(evidence > -_EVIDENT for evidence in speak.values()):
+                for i in (i for i in rest if speak[i] > -_SILENT):
+                    gloss[i] = replace(MATT, strength=strength, width=width)
         before = found
         found, bounced, matt = _without_gloss(samples, lit, gloss, bounces, with_ambient)
         found = _to_card(found, names, card) if card else found

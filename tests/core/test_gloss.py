@@ -131,6 +131,23 @@ def test_a_coat_whose_highlight_is_out_of_sight_is_as_the_others():
     np.testing.assert_allclose(found.radiometry.albedo, ALBEDO, rtol=0.01)
 
 
+@pytest.mark.parametrize(("count", "gloss"), [(10, Gloss(0.5, 0.25)), (400, MATT)])
+def test_what_shows_no_gloss_is_as_most_others_unless_it_speaks_against(count, gloss):
+    """A few samples of a floor cannot tell a coat from a darker albedo; many of a matt one can."""
+    samples = plane_and_ball()
+    far = np.flatnonzero(samples.surface == 0)
+    chosen = np.concatenate([far[:count], np.flatnonzero(samples.surface == 1)])
+    samples = subset(samples, chosen)
+    lit = lit_by(samples, [LIGHT], [[12.0, 12.0, 12.0]])
+    ball = Gloss(0.5, 0.25)
+    samples = photographed(samples, lit, [gloss, ball])
+    halves = np.where((samples.surface == 1) & (np.arange(len(samples)) % 2 == 1), 2, samples.surface)
+    samples = replace(samples, surface=halves.astype(np.int32), names=("floor", "ball", "other half"))
+    found = drain(solve_materials(samples, [LIGHT], lit.shading, lit.visible))
+    assert found.gloss[0].strength == pytest.approx(gloss.strength, rel=0.05)
+    np.testing.assert_allclose(found.radiometry.albedo[0], ALBEDO[0], rtol=0.01)
+
+
 def test_two_lights_on_gloss():
     other = replace(facing(np.array([-1.5, 0.5, 1.2]), np.zeros(3), 0.3), radiance=np.ones(3))
     samples = plane_and_ball()
