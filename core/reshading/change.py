@@ -1,5 +1,7 @@
 """The reshaded photo from renders before and after an edit: P' = P + dP (thesis 4.0, 4.3.2)."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
@@ -15,6 +17,7 @@ _LIT_UP = 4.0  # times as bright as it was: in the dark, what the photo knows is
 _NEAR = 3  # pixels to each side that speak for one that the edit lights up
 _BLOCK = 8  # pixels a side, summed up to look farther
 _FAR = (1, 7)  # blocks to each side
+_APART = 0.1  # by how much the gains of a window and of a larger one usually differ
 
 
 def combine(photo: Array, was: Array, is_now: Array, covered: Array) -> Array:
@@ -59,38 +62,52 @@ def _neighbours_gone(left: Array, here: Array, was: Array, is_now: Array, first:
 
 
 class _Around:
-    """The gain that the surroundings of each pixel speak for: that of windows, smaller ones before larger ones."""
+    """The gain that the surroundings of each pixel speak for: that of windows, smaller ones before larger ones.
+
+    Photo and render are weighted by how bright the render is thereabouts. By its own brightness a noisy render would
+    count its noise twice, and the gain of a penumbra would come out too low. A window speaks the louder the better it
+    tells a gain: S = mean(weight^2 (photo - gain render)^2), with the gain of the next larger one, is its variance.
+    """
 
     def __init__(self, photo: Array, was: Array, doubt: float) -> None:
-        self.photo, self.was, self.doubt = photo, was, doubt
+        self.photo, self.was, self.floor = photo, was, (_APART * doubt) ** 2
         height, width = photo.shape[:2]
-        small = -(-height // _BLOCK), -(-width // _BLOCK)
-        up, down = np.zeros((*small, 3)), np.zeros((*small, 3))
         columns = np.arange(0, width, _BLOCK)
-        for block in range(small[0]):
-            rows = slice(block * _BLOCK, (block + 1) * _BLOCK)
-            for out, values in zip((up, down), self._products(rows), strict=True):
-                out[block] = np.add.reduceat(values.mean(axis=0), columns, axis=0)
-        size = np.diff([*columns, width])[:, None]
-        up, down = up / size, down / size
-        gain = np.ones_like(up)
+        blocks = np.zeros((5, -(-height // _BLOCK), len(columns), 3))
+        for number in range(blocks.shape[1]):
+            terms = self._terms(number * _BLOCK, min((number + 1) * _BLOCK, height))
+            blocks[:, number] = [np.add.reduceat(term.mean(axis=0), columns, axis=0) for term in terms]
+        blocks /= np.diff([*columns, width])[:, None]
+        self.far = np.ones(blocks.shape[1:])
         for reach in reversed(_FAR):
-            gain = (_window(up, reach) + doubt * gain) / (_window(down, reach) + doubt)
-        self.far = gain
+            pixels = ((2 * reach + 1) * _BLOCK) ** 2
+            self.far = self._told([_window(term, reach) for term in blocks], self.far, pixels)
 
     def gain(self, first: int, count: int) -> Array:
         """The gain (count, W, 3) around the pixels of some rows."""
         height, width = self.photo.shape[:2]
         low, high = max(first - _NEAR, 0), min(first + count + _NEAR, height)
-        up, down = (_window(values, _NEAR) for values in self._products(slice(low, high)))
-        far = _between(_between(self.far, np.arange(low, high), 0), np.arange(width), 1)
-        return ((up + self.doubt * far) / (down + self.doubt))[first - low : first - low + count]
+        own = slice(first - low, first - low + count)
+        terms = [_window(term, _NEAR)[own] for term in self._terms(low, high)]
+        far = _between(_between(self.far, np.arange(first, first + count), 0), np.arange(width), 1)
+        return self._told(terms, far, (2 * _NEAR + 1) ** 2)
 
-    def _products(self, rows: slice) -> tuple[Array, Array]:
-        """Photo times render and render squared; what is far brighter than the render is lit by something else."""
-        before = self.was[rows]
-        here = np.clip(self.photo[rows], 0.0, _LARGEST_GAIN * before)
-        return here * before, before**2
+    def _told(self, terms: Sequence[Array], larger: Array, pixels: int) -> Array:
+        """The gain of windows, given the means of `_terms` over them and the gain of larger ones."""
+        up, down, photo, both, render = terms
+        off = np.maximum(photo - 2 * larger * both + larger**2 * render, 0.0)
+        sure = _APART**2 * pixels * down
+        return (sure * up + (off + self.floor) * larger) / (sure * down + off + self.floor)
+
+    def _terms(self, first: int, last: int) -> tuple[Array, ...]:
+        """Photo and render weighted, and the weighted products of photo and photo, photo and render, and renders."""
+        low, high = max(first - _NEAR, 0), min(last + _NEAR, len(self.was))
+        weight = _window(self.was[low:high], _NEAR)[first - low : last - low]
+        render = self.was[first:last]
+        # What is far brighter than the render is lit by something else.
+        photo = np.clip(self.photo[first:last], 0.0, _LARGEST_GAIN * np.maximum(render, weight)) * weight
+        render = render * weight
+        return photo * weight, render * weight, photo**2, photo * render, render**2
 
 
 def _window(values: Array, reach: int) -> Array:
