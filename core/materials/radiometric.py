@@ -20,6 +20,8 @@ SCALE = "largest albedo channel 0.8, first light white: only strength times albe
 _COLOUR_GAIN = 0.02  # of the logarithm of what is left over: 2 % less
 _ROUNDS = 200
 _SETTLED = 1e-6
+_DIM = 0.25  # of the light a surface usually gets at its brightest
+_FEWEST = 24  # samples that tell a spread
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,7 +125,8 @@ def _solve_channel(samples: Samples, terms: Array, value: Array) -> tuple[Array,
         solution, _ = nnls((rows * known)[:, None] * terms, rows * value)
         if solution[0] <= 0.0:  # the first light brings nothing to this channel: keep its place, let the others move
             solution[0] = 1e-12 * max(solution.max(), 1e-300)
-        weight = samples.weight * _soft(samples, value - known * (terms @ solution))
+        model = known * (terms @ solution)
+        weight = samples.weight * _soft(samples, value - model, model)
         before = np.concatenate([parts, product])
         parts = solution / solution[0]
         product = _per_surface(samples, terms @ parts, value, weight, surfaces)
@@ -139,12 +142,29 @@ def _per_surface(samples: Samples, model: Array, value: Array, weight: Array, su
     return np.maximum(np.where(down > 0, up / np.where(down > 0, down, 1.0), 0.0), 0.0)
 
 
-def _soft(samples: Samples, residual: Array) -> Array:
-    """Weights of a soft-L1 loss in units of each surface's spread, over that spread squared."""
+def _soft(samples: Samples, residual: Array, model: Array) -> Array:
+    """Weights of a soft-L1 loss in units of the residuals' spread, over that spread squared.
+
+    Texture varies a surface by a share of its light: in the dark it is well explained where in the light it is not, and
+    what is seen there tells the ambient. So each surface's spread is that of its dark samples and, by a share of the
+    model, that of its bright ones.
+    """
     out = np.ones(len(residual))
     floor = 1e-4 * max(float(np.mean(samples.colour)), 1e-300)
     for s in np.unique(samples.surface):
         of = samples.surface == s
-        spread = max(weighted_quantile(np.abs(residual[of]), samples.weight[of], 0.9) / 1.6449, floor)
-        out[of] = (floor / spread) ** 2 / np.sqrt(1 + (residual[of] / (1.5 * spread)) ** 2)
+        off, bright, weight = np.abs(residual[of]), model[of], samples.weight[of]
+        usual = weighted_quantile(bright, weight, 0.9)
+        dark = bright < _DIM * usual
+        spread = np.full(len(off), _spread(off, weight))
+        if min(dark.sum(), (~dark).sum()) >= _FEWEST:
+            own, light = _spread(off[dark], weight[dark]), _spread(off[~dark], weight[~dark])
+            spread = np.minimum(np.hypot(own, light * bright / usual), light)
+        spread = np.maximum(spread, floor)
+        out[of] = (floor / spread) ** 2 / np.sqrt(1 + (off / (1.5 * spread)) ** 2)
     return out
+
+
+def _spread(off: Array, weight: Array) -> float:
+    """The deviation of a normal distribution of which nine in ten are as little off."""
+    return float(weighted_quantile(off, weight, 0.9)) / 1.6449

@@ -103,7 +103,7 @@ def solve_materials(
     rounds : how often the gloss is fitted; 0: every surface is matt
     Raises ReshadeError where the samples do not show the card, or no light falls on it.
     """
-    samples = replace(samples, weight=samples.weight * borne_out(samples, lights))
+    samples = replace(samples, weight=samples.weight * borne_out(samples, lights, bounces is not None))
     if card is not None and card.name not in samples.names:
         raise ReshadeError(
             f"The photo does not show the surface '{card.name}' that was named as card",
@@ -157,12 +157,14 @@ def solve_materials(
     return Materials(found, bounced, factor, told, tuple(gloss), tuple(considered), matt)
 
 
-def borne_out(samples: Samples, lights: Sequence[Light]) -> Array:
+def borne_out(samples: Samples, lights: Sequence[Light], others: bool = False) -> Array:
     """1 for samples (N,) whose smooth normal and mesh agree on what they face, 0 for others, if enough agree.
 
     Smooth normals of a cone turn upwards to its tip, half a right angle away from its faces, and a coarse ball's are
     off near its terminator: the faces keep from such places what their normals are turned to, be it a part of a light
     or other surfaces, and renderers do not agree on what is seen then.
+
+    others : whether light from other surfaces counts too
     """
     out = np.ones(len(samples))
     if samples.footprint is None:
@@ -171,7 +173,7 @@ def borne_out(samples: Samples, lights: Sequence[Light]) -> Array:
     length = np.linalg.norm(face, axis=1, keepdims=True)
     face = np.where(length > 0, face / np.where(length > 0, length, 1.0), samples.normal)
     face *= np.where(np.einsum("ij,ij->i", face, samples.view) < 0, -1.0, 1.0)[:, None]
-    apart = np.einsum("ij,ij->i", samples.normal, face) < _BENT
+    apart = (np.einsum("ij,ij->i", samples.normal, face) < _BENT) & others
     for away in (way for light in lights for way in _ways_to(light, samples.point)):
         smooth, flat = (np.einsum("ij,ij->i", normal, away) for normal in (samples.normal, face))
         apart |= (flat < _EDGEWAYS) & (smooth > flat + _EDGEWAYS)

@@ -91,3 +91,19 @@ def test_the_ambient_has_the_lights_colour_where_texture_hides_its_own():
     samples.colour[:] *= np.exp(0.3 * rng.normal(size=(1200, 1)))
     found = solve_radiometry(samples, shading)
     assert np.ptp(found.ambient / found.strengths[0]) < 1e-12 and found.ambient[0] > 0
+
+
+def test_texture_in_the_light_does_not_bend_the_ambient():
+    """A wild texture hides the ambient where the light falls, and shows it in the shadow."""
+    rng = np.random.default_rng(3)
+    count = 1200
+    lit = np.where(np.arange(count) % 4 == 0, 0.0, rng.uniform(0.2, 1.0, count))
+    texture = 0.5 * np.exp(0.4 * rng.normal(size=count))
+    ones = np.ones(count)
+    samples = Samples(
+        np.zeros((count, 3)), np.tile([0.0, 0.0, 1.0], (count, 1)), np.tile([0.0, 0.0, 1.0], (count, 1)),
+        (texture * (10.0 * lit + 0.3))[:, None] * np.ones(3), np.zeros(count, np.int32), ones,
+        np.zeros((count, 2), np.int32), ones, ("table",), 1e-3,
+    )  # fmt: skip
+    found = solve_radiometry(samples, lit[:, None])
+    np.testing.assert_allclose(found.ambient / found.strengths[0], 0.03, rtol=0.06)
