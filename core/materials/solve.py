@@ -33,6 +33,7 @@ _ROUNDS = 2
 _EDGEWAYS = 0.1  # cosine of light on a face
 _BENT = 0.94  # cosine between smooth normal and face: 20 degrees
 _ENOUGH = 8  # samples of a surface
+_TELLING = 24  # samples of a surface that tell its colour
 _EVIDENT = 10.0  # gain of the Bayesian criterion, as for a highlight
 _SILENT = 4.0  # loss of it, which the one unknown more costs alone
 _UNSEEN_RAYS = 16  # to a light from each patch the photo does not show
@@ -290,14 +291,17 @@ def _solved_once(
 ) -> tuple[Radiometry, Array, _Guess]:
     """As `_solved`, with what the photo does not show as bright as a guess makes it; and a better guess."""
     around, factor, surfaces = bounces.around, bounces.factor or 0.0, len(samples.names)
-    group, known = _grouped(around.patch, surfaces), (around.patch.surface >= 0)[:, None]
+    group = _grouped(around.patch, surfaces)
+    # A sliver at the photo's edge tells the colour of its wall less well than the light that the wall sends does.
+    told = np.append(np.bincount(samples.surface, samples.weight > 0, surfaces) >= _TELLING, np.zeros(_SIDES, bool))
+    known = told[group][:, None]
     open_share = around.between.openness[:, None]
     shade = bounces.falling @ guess.relative + open_share * guess.ambient + factor * around.between.seen
     bright = _exchanged(shade, guess.albedo[group], around.between)
     sent = factor * around.samples.seen
     sent = sent + around.samples.patches @ np.where(known, guess.albedo[group] * bright, 0.0)
     foreign = {int(g): around.samples.patches @ np.where((group == g)[:, None], bright, 0.0) for g in np.unique(group)}
-    foreign = {g: field for g, field in foreign.items() if g >= surfaces and field.mean() > _HEARD * bright.mean()}
+    foreign = {g: field for g, field in foreign.items() if not told[g] and field.mean() > _HEARD * bright.mean()}
     terms = [shading[..., None] * np.ones(3), *(share[:, None, None] * field[:, None] for field in foreign.values())]
     bounced = share[:, None] * sent
     lit = np.concatenate(terms, axis=1)
