@@ -6,7 +6,7 @@ from scipy import ndimage
 
 from ..types import Array, Mask
 
-_DARK = 0.05  # of the usual shading: below it a pixel says little about its albedo and its surroundings take over
+_DARK = 0.02  # of the usual shading: below it a pixel says little about its albedo and its surroundings take over
 _WINDOWS = (4, 16, 64)  # of the picture's width: the surroundings, far ones first
 
 _WELL_LIT = 0.5  # of the usual shading: what varies there is texture
@@ -31,22 +31,39 @@ def albedo_map(photo: Array, shading: Array, albedo: Array, noise: Array | float
 def around(photo: Array, shading: Array, albedo: Array, surface: NDArray[np.int32], known: Mask) -> Array:
     """Compute what the surroundings of each pixel say of its albedo, (H, W, 3).
 
-    A texture goes on into a shadow: its mean albedo nearby serves better there than that of the whole surface.
+    A texture goes on into a shadow: its mean albedo nearby serves better there than that of the whole surface. Windows
+    speak by how well they tell it: noise of the photo and of the shading against what the surface varies by where it is
+    lit, so that a plain surface stays plain in its penumbrae.
 
     photo, shading, albedo : as in `albedo_map`, the last the surface's solved value; surface : (H, W) numbers, -1 for
     none; known : (H, W) pixels that show their surface alone, unclipped
     """
-    doubt, out = _doubt(shading), albedo.copy()
+    floor, out = _doubt(shading) ** 2, albedo.copy()
     for number in np.unique(surface[surface >= 0]):
         of = surface == number
         one = (of & known)[..., None]
-        up, down = np.where(one, photo * shading, 0.0), np.where(one, shading**2, 0.0)
+        texture = _texture(photo, shading, albedo, of & known)
+        seen, light = np.where(one, photo, 0.0), np.where(one, shading, 0.0)
+        # By its own brightness a noisy shading would count its noise twice.
+        share = ndimage.uniform_filter(one * 1.0, (_NEAR, _NEAR, 0))
+        weight = np.where(one, ndimage.uniform_filter(light, (_NEAR, _NEAR, 0)) / np.maximum(share, 1e-9), 0.0)
+        terms = seen * weight, light * weight, (seen * weight) ** 2, seen * light * weight**2, (light * weight) ** 2
         for part in _WINDOWS:
-            size = (max(3, surface.shape[1] // part),) * 2 + (0,)
-            near = ndimage.uniform_filter(down, size, mode="constant") + doubt
-            nearby = (ndimage.uniform_filter(up, size, mode="constant") + doubt * out) / near
-            out = np.where(of[..., None], nearby, out)
+            side = max(3, surface.shape[1] // part)
+            up, down, *squares = (ndimage.uniform_filter(term, (side, side, 0), mode="constant") for term in terms)
+            off = np.maximum(squares[0] - 2 * out * squares[1] + out**2 * squares[2], 0.0) + texture * floor
+            sure = texture * side**2 * down
+            out = np.where(of[..., None], (sure * up + off * out) / np.maximum(sure * down + off, 1e-300), out)
     return np.clip(out, 0.0, 1.0)
+
+
+def _texture(photo: Array, shading: Array, albedo: Array, of: Mask) -> float:
+    """By how much (variance) a surface's albedo varies where it is well lit; plain ones by a little."""
+    bright = np.mean(shading**2, axis=2)
+    lit = of & (bright > 0)
+    lit &= bright >= _WELL_LIT**2 * (np.median(bright[lit]) if lit.any() else 0.0)
+    off = np.mean((photo[lit] - albedo[lit] * shading[lit]) ** 2, axis=1)
+    return max(float(np.mean(off / bright[lit])), _PLAIN**2) if lit.any() else _PLAIN**2
 
 
 def noisy(photo: Array, shading: Array, albedo: Array, surface: NDArray[np.int32], known: Mask) -> Array:
@@ -64,9 +81,7 @@ def noisy(photo: Array, shading: Array, albedo: Array, surface: NDArray[np.int32
         of = (surface == number) & known & (bright > 0)
         if not of.any():
             continue
-        usual = np.median(bright[of])
-        lit = of & (bright >= _WELL_LIT**2 * usual)
-        texture = max(float(np.mean(off[lit] / bright[lit])), _PLAIN**2)
+        usual, texture = np.median(bright[of]), _texture(photo, shading, albedo, of)
         share = ndimage.uniform_filter(of * 1.0, _NEAR)
         near = ndimage.uniform_filter(np.where(of, off, 0.0), _NEAR) / np.maximum(share, 1e-9)
         beyond = np.maximum(near - _BEYOND * texture * bright, 0.0) / texture
