@@ -7,22 +7,24 @@ from dataclasses import replace
 import numpy as np
 
 from .color import linear_to_srgb
+from .light.ambient import CONSTANT, NAMES, Ambient
 from .materials.radiometric import SCALE
 from .materials.solve import Materials
 from .photo.noise import noise_of
 from .photo.segmentation import whole
 from .radiance.lights import with_strength
-from .types import Candidate, Estimate, Light, Photo, Samples, Surface, Uncertainty
+from .types import AmbientLevel, Candidate, Estimate, Light, Photo, Samples, Surface, Uncertainty
 
 _TEXTURED = 0.08  # robust spread of a surface's residual over its mean: more is texture, not noise
 _UNTRUSTED = 0.6  # share of the photo's variation left over, above which no light explains it
 
 
-def _named(materials: Materials, samples: Samples) -> str:
+def _named(materials: Materials, samples: Samples, ambient: Ambient | None) -> str:
     """What the solve took into account, in words."""
+    around = NAMES[ambient.model] if ambient else "constant ambient"
     glossy = [name for name, one in zip(samples.names, materials.gloss, strict=True) if one]
     bounced = ", interreflection" if materials.bounced is not None else ""
-    return f", constant ambient{bounced}" + (f", gloss of {', '.join(glossy)}" if glossy else ", no gloss")
+    return f", {around}{bounced}" + (f", gloss of {', '.join(glossy)}" if glossy else ", no gloss")
 
 
 def _considered(materials: Materials, samples: Samples) -> tuple[Candidate, ...]:
@@ -33,6 +35,23 @@ def _considered(materials: Materials, samples: Samples) -> tuple[Candidate, ...]
     return tuple(
         Candidate(f"{'highlight' if one.evident else 'coat'} of {name}", -one.evidence, 0.0)
         for name, one in zip(samples.names, materials.considered, strict=True)
+    )
+
+
+def _ambient_model(materials: Materials, ambient: Ambient | None) -> str:
+    """What the ambient is, as the report calls it."""
+    if not materials.radiometry.ambient.any():
+        return "none" if materials.bounced is None else "interreflected"
+    return ambient.model if ambient else CONSTANT
+
+
+def _levels(materials: Materials, samples: Samples, ambient: Ambient | None) -> tuple[AmbientLevel, ...]:
+    if ambient is None or not materials.radiometry.ambient.any():
+        return ()
+    held = samples.weight @ ambient.parts * len(samples) / samples.weight.sum()
+    return tuple(
+        AmbientLevel(point, normal, level * materials.radiometry.ambient, float(many))
+        for point, normal, level, many in zip(ambient.point, ambient.normal, ambient.level, held, strict=True)
     )
 
 
@@ -59,10 +78,12 @@ def assembled(
     sure: tuple[Uncertainty | None, ...],
     chosen: str,
     clock: Clock,
+    ambient: Ambient | None = None,
 ) -> Estimate:
     """Assemble the estimate of lights and materials that explain samples of a photo.
 
     sure : how sure each light is; chosen : the kind of light, in words; clock : what it says becomes `Estimate.seconds`
+    ambient : None for a constant one; of these samples, whose openness has it in it
     Falsy where no light of positive strength explains the photo.
     """
     radiometry = materials.radiometry
@@ -98,19 +119,23 @@ def assembled(
         rms=float(np.sqrt(np.average((residual**2).mean(axis=1), weights=weight))),
         noise=noise_of(photo),
         mean_abs_8bit=np.average(off, axis=0, weights=weight),
-        chosen=chosen + _named(materials, samples),
+        chosen=chosen + _named(materials, samples, ambient),
         candidates=_considered(materials, samples),
         scale=SCALE,
         message=message,
         warnings=tuple(warnings),
         seconds=clock.all(),
+        levels=_levels(materials, samples, ambient),
+        ambient_model=_ambient_model(materials, ambient),
+        interreflected=materials.bounced is not None,
     )
 
 
 def failed(message: str, clock: Clock) -> Estimate:
     """Make the falsy estimate of a photo that could not be explained; `message` says why."""
     nothing = np.zeros(3)
-    return Estimate((), nothing, (), (), 0.0, 0.0, nothing, "none", (), SCALE, message, (), clock.all())
+    empty = Estimate((), nothing, (), (), 0.0, 0.0, nothing, "none", (), SCALE, message, (), clock.all())
+    return replace(empty, ambient_model="none")
 
 
 def united(surfaces: Sequence[Surface], names: Sequence[str]) -> tuple[Surface, ...]:

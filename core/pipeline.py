@@ -10,12 +10,14 @@ from dataclasses import replace
 import numpy as np
 
 from .assembly import Clock, assembled, failed, united
+from .light.ambient_choice import with_richer_ambient
 from .light.hints import Hint
 from .light.polish import finished, polished
 from .light.response_fit import Response, likeliest_response
 from .light.search import Searched, search, with_second, without_highlights
 from .light.sight import Asked, Effort, Sight, asked, look
 from .light.uncertainty import uncertainty_of
+from .materials.ambient import richer_ambient
 from .materials.radiometric import left_over
 from .materials.solve import Bounces, Card, Materials, absolute, falling, in_regions, solve_materials
 from .photo.response import straightened
@@ -116,10 +118,19 @@ def estimate(
         fit, there = yield from shifted(polished(sight, there, fit.light, effort), begin, begin + 0.02)
         told = _materials(sight, here, (fit.light, *others), quality, bounce=found.bounce)
         materials = yield from shifted(told, begin + 0.02, begin + 0.05)
-    fit = yield from shifted(finished(sight, there, fit, effort), 0.9, 0.95)
+    looked: tuple[Candidate, ...] = ()
+    if model == "auto" and solver == "trust-region":  # free levels, too, would make up for a wrong light
+        clock.mark("solve")
+        fit, there, looked = yield from shifted(with_richer_ambient(sight, there, fit, effort), 0.9, 0.92)
+        clock.mark("ambient")
+        if there.ambient:
+            here = here.under(there.ambient)
+            told = _materials(sight, here, (fit.light, *others), quality, bounce=found.bounce)
+            materials = yield from shifted(told, 0.92, 0.94)
+    fit = yield from shifted(finished(sight, there, fit, effort), 0.94, 0.97)
     if effort.last_steps:
         told = _materials(sight, here, (fit.light, *others), quality, bounce=found.bounce)
-        materials = yield from shifted(told, 0.95, 1.0)
+        materials = yield from shifted(told, 0.97, 1.0)
     materials, scale = absolute(materials)
     clock.mark("solve")
     lights = (fit.light, *others)
@@ -128,10 +139,10 @@ def estimate(
     held = []
     if response:
         held = [Candidate(f"response {response.exponent:.2f}", -response.gain, clock.seconds["response"])]
-    result = assembled(seen, here.samples, lights, materials, sure, chosen, clock)
+    result = assembled(seen, here.samples, lights, materials, sure, chosen, clock, here.ambient)
     result = replace(
         result,
-        candidates=(*found.candidates, *held, *result.candidates),
+        candidates=(*found.candidates, *held, *looked, *result.candidates),
         scale=scale,
         surfaces=united(result.surfaces, samples.names),
         starts=tuple(Tried(entry.cue, entry.score) for entry in found.starts),
@@ -175,14 +186,19 @@ def solve(
     if len(divided.names) > len(samples.names):
         here = replace(here, samples=divided)
         materials = yield from shifted(_materials(sight, here, lights, quality, card), 0.6, 1.0)
+    ambient, looked = richer_ambient(sight, here, lights[0], materials)
+    if ambient:
+        here = here.under(ambient)
+        materials = yield from shifted(_materials(sight, here, lights, quality, card), 0.8, 1.0)
     if card is None:
         materials, scale = absolute(materials)
     else:
         scale = f"the albedo of {card.name} is {', '.join(f'{x:g}' for x in card.albedo)}"
     clock.mark("solve")
     unknown = (None,) * len(lights)
-    result = assembled(photo, here.samples, tuple(lights), materials, unknown, "given lights", clock)
-    return replace(result, scale=scale, surfaces=united(result.surfaces, samples.names))
+    result = assembled(photo, here.samples, tuple(lights), materials, unknown, "given lights", clock, ambient)
+    candidates = (*looked, *result.candidates)
+    return replace(result, scale=scale, surfaces=united(result.surfaces, samples.names), candidates=candidates)
 
 
 def _perhaps_two(sight: Sight, one: Searched, quality: str) -> Generator[Progress, None, Searched]:

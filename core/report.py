@@ -25,10 +25,7 @@ def to_dict(estimate: Estimate, quality: str, light_names: Sequence[str]) -> dic
         "quality": quality,
         "seconds": dict(estimate.seconds),
         "lights": lights,
-        "ambient": {
-            "model": "constant" if np.any(estimate.ambient > 0) else "none",
-            "radiance": _list(estimate.ambient),
-        },
+        "ambient": _ambient(estimate),
         "surfaces": {s.name: _surface(s) for s in estimate.surfaces},
         "residual": {
             "rms": estimate.rms,
@@ -80,6 +77,25 @@ def _light(light: Light, name: str, sure: Uncertainty | None) -> dict[str, objec
             "log_energy": sure.log_energy,
             "weakest": sure.weakest,
         }
+    return out
+
+
+def _ambient(estimate: Estimate) -> dict[str, object]:
+    out: dict[str, object] = {
+        "model": estimate.ambient_model,
+        "radiance": _list(estimate.ambient),
+        "interreflected": estimate.interreflected,
+    }
+    if estimate.levels:
+        out["levels"] = [
+            {
+                "point": _list(one.point),
+                "normal": _list(one.normal),
+                "radiance": _list(one.radiance),
+                "samples": one.samples,
+            }
+            for one in estimate.levels
+        ]
     return out
 
 

@@ -172,6 +172,16 @@ class Tried:
 
 
 @dataclass(frozen=True, slots=True)
+class AmbientLevel:
+    """Ambient light at one place of a scene where it is not the same all over: in a region, or about a node."""
+
+    point: Array  # (3,) where
+    normal: Array  # (3,) which way surfaces are turned there; shorter than one where they are turned several ways
+    radiance: Array  # (3,) of a world that would send as much
+    samples: float  # how many it stands for
+
+
+@dataclass(frozen=True, slots=True)
 class Estimate:
     """Light and materials recovered from a photo.
 
@@ -179,7 +189,7 @@ class Estimate:
     """
 
     lights: tuple[Light, ...]
-    ambient: Array  # (3,) radiance of a uniform world
+    ambient: Array  # (3,) radiance of a uniform world; the mean of `levels` where there are any
     surfaces: tuple[Surface, ...]
     uncertainty: tuple[Uncertainty | None, ...]  # one a light; None where the light was given, not fitted
     rms: float  # of the residual, linear radiance
@@ -192,6 +202,9 @@ class Estimate:
     warnings: tuple[str, ...] = ()
     seconds: dict[str, float] = field(default_factory=dict)
     starts: tuple[Tried, ...] = ()  # best first; none where lights were given
+    levels: tuple[AmbientLevel, ...] = ()  # of an ambient by region, or smooth
+    ambient_model: str = "constant"  # none, constant, per region, smooth; interreflected: no other ambient
+    interreflected: bool = False  # whether light from other surfaces was explained as well
     response: float = 1.0  # power of the photo's linear values that was explained
 
     def __bool__(self) -> bool:

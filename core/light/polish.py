@@ -75,7 +75,8 @@ def finished(sight: Sight, here: Asked, fit: LightFit, effort: Effort) -> Genera
         last = refined(problem, fit, iterations=effort.last_steps, slope_rays=_SLOPE_RAYS)
         fit = yield from watched(last, 0.0, 0.9, "Asking penumbrae with more rays")
     yield Progress(0.9, "Finding out how sure this is")
-    return with_covariance(here.problem(sight, len(here.samples), effort.polish_rays), fit)
+    problem, around = here.apart(here.problem(sight, len(here.samples), effort.polish_rays), fit.around)
+    return replace(fit, covariance=with_covariance(problem, replace(fit, around=around)).covariance)
 
 
 def _polish(problem: Problem, light: Light, effort: Effort) -> Generator[float, None, LightFit]:

@@ -11,6 +11,7 @@ from ..radiance.interreflection import Surroundings, gather, usual_radiance
 from ..radiance.lights import shading
 from ..radiance.visibility import openness, visible_fraction
 from ..types import Array, Buffers, Camera, Light, Meets, Photo, Progress, Samples, Visible
+from .ambient import Ambient
 from .problem import Problem, brightness
 from .starts import in_view
 
@@ -67,6 +68,7 @@ class Asked:
     around: Surroundings | None
     fields: Array  # (N, K)
     others: Array  # (N, L) shading of other lights, at unit strength, shadows included
+    ambient: Ambient | None = None  # richer than a constant; openness and the first field have it in them
 
     def problem(self, sight: Sight, count: int, rays: int) -> Problem:
         """What a fit to the first `count` of them minimises."""
@@ -78,6 +80,25 @@ class Asked:
         samples = self.samples
         share = visible_fraction(light, samples, sight.visible, rays, sight.far)
         return replace(self, others=(shading(light, samples.point, samples.normal) * share)[:, None])
+
+    def under(self, ambient: Ambient) -> "Asked":
+        """The same under an ambient that is no constant, where it was one."""
+        openness = self.samples.openness * ambient.field
+        fields = np.column_stack([openness, self.fields[:, 1:]])
+        return replace(self, samples=replace(self.samples, openness=openness), fields=fields, ambient=ambient)
+
+    def apart(self, problem: Problem, around: Array) -> tuple[Problem, Array]:
+        """A problem of the first samples, and how much there is of its fields (K,), with every level on its own.
+
+        For how sure a light is: what the levels may be as well is not known any better than they are.
+        """
+        if self.ambient is None:
+            return problem, around
+        level = self.ambient.level > 0
+        parts = (self.ambient.parts * self.ambient.level)[: len(problem.samples), level]
+        each = problem.around[:, :1] * parts / np.maximum(parts.sum(axis=1, keepdims=True), 1e-300)
+        wider = replace(problem, around=np.column_stack([each, problem.around[:, 1:]]))
+        return wider, np.concatenate([np.repeat(around[:1], level.sum()), around[1:]])
 
     def divided(self, samples: Samples) -> "Asked":
         """The same with samples that are divided into other surfaces."""

@@ -35,6 +35,8 @@ GAP = 2  # pixels to either side by which edges are widened to close their gaps
 TURN = 0.06  # radians between directions of colours across that
 HUE = 0.25  # radians: segments whose colours' directions are farther apart are two albedos
 SAME = 0.10  # of an albedo's logarithm: segments closer than this are one
+CREASE = 0.5  # radians between the normals of neighbours: a sharper turn is a crease
+JUMP = 0.25  # of the step between neighbours, which leaves a surface that turns by a crease by as much: more is a gap
 SMALLEST = 0.01  # of its surface: a smaller segment says nothing by itself
 REGION = 0.04  # of its surface: a smaller region is none
 _APART = 3.0  # times as much as the segments of a surface vary in themselves, they have to be apart
@@ -53,6 +55,25 @@ def at_samples(labels: Labels, samples: Samples, stride: int) -> Labels:
     """The segment (N,) that each sample lies in."""
     column, row = samples.pixel.T // stride
     return labels[row, column]
+
+
+def pieces(buffers: Buffers) -> Labels:
+    """Cut what the buffers show where position or orientation jumps: (h, w) numbers from 0 on, -1 where nothing is.
+
+    Materials do not matter: a print on a wall is a piece of the wall.
+    """
+    shown = buffers.surface >= 0
+    point, normal = np.where(shown[..., None], buffers.point, 0.0), np.where(shown[..., None], buffers.normal, 0.0)
+    alike = []
+    for axis in (0, 1):
+        near, far = _apart(axis, 1)
+        step = point[far] - point[near]
+        # How far one is off the plane of the other, over how far apart they are: of a smooth surface that is little.
+        off = np.maximum(*(np.abs(np.einsum("ijk,ijk->ij", step, normal[side])) for side in (near, far)))
+        turned = np.einsum("ijk,ijk->ij", normal[near], normal[far]) < np.cos(CREASE)
+        jumped = off > JUMP * np.linalg.norm(step, axis=2)
+        alike.append(shown[near] & shown[far] & ~turned & ~jumped)
+    return _components(shown, alike)
 
 
 def segments(linear: Array, surface: Labels, usable: Mask) -> Labels:
