@@ -17,6 +17,8 @@ _LIT_UP = 4.0  # times as bright as it was: in the dark, what the photo knows is
 _NEAR = 3  # pixels to each side that speak for one that the edit lights up
 _BLOCK = 8  # pixels a side, summed up to look farther
 _FAR = (1, 7)  # blocks to each side
+_NOISY = 2.0  # times the noise: what varies by less is none
+_DETAIL = 0.6  # of what is dark: so dark that a pixel has no detail to tell
 _APART = 0.1  # by how much the gains of a window and of a larger one usually differ
 
 
@@ -70,7 +72,7 @@ class _Around:
     """
 
     def __init__(self, photo: Array, was: Array, doubt: float) -> None:
-        self.photo, self.was, self.floor = photo, was, (_APART * doubt) ** 2
+        self.photo, self.was, self.floor, self.doubt = photo, was, (_APART * doubt) ** 2, _DETAIL**2 * doubt
         height, width = photo.shape[:2]
         columns = np.arange(0, width, _BLOCK)
         blocks = np.zeros((5, -(-height // _BLOCK), len(columns), 3))
@@ -88,9 +90,24 @@ class _Around:
         height, width = self.photo.shape[:2]
         low, high = max(first - _NEAR, 0), min(first + count + _NEAR, height)
         own = slice(first - low, first - low + count)
-        terms = [_window(term, _NEAR)[own] for term in self._terms(low, high)]
-        far = _between(_between(self.far, np.arange(first, first + count), 0), np.arange(width), 1)
-        return self._told(terms, far, (2 * _NEAR + 1) ** 2)
+        terms = [_window(term, _NEAR) for term in self._terms(low, high)]
+        far = _between(_between(self.far, np.arange(low, high), 0), np.arange(width), 1)
+        gain = self._told(terms, far, (2 * _NEAR + 1) ** 2)
+        return (gain + self._detail(low, high, gain))[own]
+
+    def _detail(self, first: int, last: int, gain: Array) -> Array:
+        """What a pixel's own gain has beside that of its window, as far as it is no noise (Wiener's filter): texture.
+
+        Noise is what second differences along both axes see (Immerkær 1996); in renders it is no more even than light.
+        """
+        render = self.was[first:last]
+        left = np.clip(self.photo[first:last], 0.0, _LARGEST_GAIN * render) - gain * render
+        rough = ndimage.convolve1d(ndimage.convolve1d(left, [1, -2, 1], axis=0), [1, -2, 1], axis=1)
+        # Means of nothing come out as rounding, of either sign.
+        noise, whole = (np.maximum(_window(square, _NEAR), 0.0) for square in (rough**2 / 36, left**2))
+        share = np.clip(1 - _NOISY * noise / np.maximum(whole, 1e-300), 0.0, 1.0)
+        bright = render**2 + noise / _APART**2 + self.doubt
+        return share * left * render / np.where(bright > 0, bright, 1.0)
 
     def _told(self, terms: Sequence[Array], larger: Array, pixels: int) -> Array:
         """The gain of windows, given the means of `_terms` over them and the gain of larger ones."""

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy import ndimage
 
 from core.reshading.change import combine
 
@@ -82,3 +83,14 @@ def test_an_outline_that_is_a_pixel_off_leaves_no_seam():
     lamp = photo + 0.2  # of another light, which stays
     found = combine(lamp, was, np.zeros_like(was), np.zeros(was.shape[:2]))
     np.testing.assert_allclose(found[:, 35:], 0.2, atol=1e-3)
+
+
+def test_texture_in_the_dark_is_still_there_once_it_is_lit_up():
+    """The render is plain; the photo shows spots in the ambient light, nearly free of noise."""
+    rng = np.random.default_rng(2)
+    shape = (60, 80)
+    spots = 1 + 0.6 * ndimage.gaussian_filter(rng.normal(size=shape), 3)[..., None]
+    was = np.full((*shape, 3), 0.03)
+    photo = spots * was * (1 + 0.003 * rng.normal(size=(*shape, 1)))
+    found = combine(photo, was, np.full_like(was, 0.6), np.zeros(shape))
+    assert np.std(found / (0.6 * spots)) < 0.4 * np.std(spots)
