@@ -11,10 +11,11 @@ from ..types import Array, Mask
 _DARK = 0.05  # of the usual render: below it the photo over the render is no measure of anything
 _LARGEST_GAIN = 2.0  # of a change: where the photo is brighter than the render, something else lights it too
 _LOOKED_AT = 1000  # rows that say how bright a render usually is
-_ROWS = 256  # done at a time, so that a large photo needs no second one in memory
+_ROWS = 128  # done at a time, so that a large photo needs no second one in memory
 _SEEN = 1 / 255  # of white, encoded by a square root: a smaller change is none
 _LIT_UP = 4.0  # times as bright as it was: in the dark, what the photo knows is multiplied by so much
 _NEAR = 3  # pixels to each side that speak for one that the edit lights up
+_MARGIN = 2 * _NEAR + 1  # rows beside some that tell all of that
 _BLOCK = 8  # pixels a side, summed up to look farther
 _FAR = (1, 7)  # blocks to each side
 _NOISY = 2.0  # times the noise: what varies by less is none
@@ -88,7 +89,7 @@ class _Around:
     def gain(self, first: int, count: int) -> Array:
         """The gain (count, W, 3) around the pixels of some rows."""
         height, width = self.photo.shape[:2]
-        low, high = max(first - _NEAR, 0), min(first + count + _NEAR, height)
+        low, high = max(first - _MARGIN, 0), min(first + count + _MARGIN, height)
         own = slice(first - low, first - low + count)
         terms = [_window(term, _NEAR) for term in self._terms(low, high)]
         far = _between(_between(self.far, np.arange(low, high), 0), np.arange(width), 1)

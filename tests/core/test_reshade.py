@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import ndimage
 
+from core.reshading import change
 from core.reshading.change import combine
 
 RNG = np.random.default_rng(0)
@@ -94,3 +95,11 @@ def test_texture_in_the_dark_is_still_there_once_it_is_lit_up():
     photo = spots * was * (1 + 0.003 * rng.normal(size=(*shape, 1)))
     found = combine(photo, was, np.full_like(was, 0.6), np.zeros(shape))
     assert np.std(found / (0.6 * spots)) < 0.4 * np.std(spots)
+
+
+def test_a_picture_is_the_same_however_many_rows_are_done_at_a_time(monkeypatch):
+    rng = np.random.default_rng(4)
+    was, photo, now = rng.uniform(0, 1, (3, 90, 40, 3)) ** 2
+    whole = combine(photo, was, now, np.zeros((90, 40)))
+    monkeypatch.setattr(change, "_ROWS", 23)
+    np.testing.assert_allclose(combine(photo, was, now, np.zeros((90, 40))), whole, atol=1e-9)
