@@ -11,6 +11,7 @@ import numpy as np
 
 from .assembly import Clock, assembled, failed, united
 from .light.ambient_choice import with_richer_ambient
+from .light.fit import explained
 from .light.hints import Hint
 from .light.polish import finished, polished
 from .light.response_fit import Response, likeliest_response
@@ -40,14 +41,15 @@ from .types import (
 )
 
 _BOUNCE_GAIN = 0.05  # of the logarithm of what is left over: interreflection that explains less is left out
+_SECOND_GAIN = 0.05  # of the same: a second light beside highlights that explains less is none
 _GLOSS_ROUNDS = 2  # of light and gloss in turn
 _RESPONSE_ROUNDS = 2  # of light and response in turn
 
 
 EFFORTS = {
-    "draft": Effort(1500, 4000, 600, 400, 24, 16, 150, 300, 100, 3, 2, 1, 1e-3, 0),
-    "standard": Effort(4000, 12000, 1600, 800, 64, 16, 250, 600, 240, 6, 3, 2, 3e-4, 0),
-    "accurate": Effort(10000, 30000, 5000, 2500, 144, 64, 400, 1200, 400, 8, 4, 3, 1e-4, 4),
+    "draft": Effort(1500, 4000, 600, 400, 24, 16, 150, 300, 100, 3, 2, 1, 1e-3, 0, 4),
+    "standard": Effort(4000, 12000, 1600, 800, 64, 16, 250, 600, 240, 6, 3, 2, 3e-4, 0, 20),
+    "accurate": Effort(10000, 30000, 5000, 2500, 144, 64, 400, 1200, 400, 8, 4, 3, 1e-4, 4, 32),
 }
 QUALITIES = tuple(EFFORTS)
 
@@ -91,8 +93,11 @@ def estimate(
             return failed("No place for a light explains any of the shading: check the camera and the geometry", clock)
         found = sought
         clock.mark("fit")
-        if model != "auto" and not fit_response:
-            break  # a light that was asked for may be the wrong one, and a response would make up for it
+        # A light that was asked for may be the wrong one, and a response would make up for it.
+        wanted = fit_response or model == "auto"
+        if not wanted or explained(found.fit, found.asked.samples):
+            response = None
+            break
         comparing = likeliest_response(found.asked.problem(sight, effort.fit_samples, effort.polish_rays), found.fit)
         message = "Holding the photo's response against the light's shading"
         response = yield from watched(comparing, begin + 0.95 * share, begin + share, message)
@@ -211,7 +216,15 @@ def _perhaps_two(sight: Sight, one: Searched, quality: str) -> Generator[Progres
     if materials.matt is None:
         return two
     bare = yield from shifted(without_highlights(sight, one, materials.matt, effort), 0.5, 0.6)
-    two = yield from shifted(with_second(sight, bare, effort), 0.6, 1.0)
+    two = yield from shifted(with_second(sight, bare, effort), 0.6, 0.9)
+    if two.second is not None:
+        both = _materials(sight, one.asked, (two.fit.light, two.second.light), quality, bounce=one.bounce)
+        alone = _materials(sight, one.asked, (bare.fit.light,), quality, bounce=one.bounce)
+        under = (yield from shifted(both, 0.9, 0.95)), (yield from shifted(alone, 0.95, 1.0))
+        two_leave, one_leaves = (left_over(one.asked.samples, found.radiometry) for found in under)
+        if two_leave > one_leaves - _SECOND_GAIN:  # it stood for highlights
+            held = replace(two.candidates[-1], score=two_leave - one_leaves)
+            two = replace(bare, candidates=(*bare.candidates, held))
     seen = one.asked.samples
     shown = replace(two.asked.samples, colour=seen.colour, weight=seen.weight)
     return replace(two, asked=replace(two.asked, samples=shown))

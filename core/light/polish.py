@@ -9,6 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..photo.pooling import pooled
 from ..photo.samples import choose_samples, hues, subset
 from ..photo.segmentation import Labels
 from ..progress import shifted, watched
@@ -83,10 +84,11 @@ def _polish(problem: Problem, light: Light, effort: Effort) -> Generator[float, 
     return fit_light(problem, light, iterations=8, tolerance=effort.tolerance)
 
 
-def enriched(sight: Sight, light: Light, effort: Effort) -> Samples:
+def enriched(sight: Sight, light: Light, effort: Effort, label: Labels | None = None) -> Samples:
     """Samples for the last fit: half of them, or all there are, from the light's penumbrae; the rest spread out.
 
-    Each stands for the pixels it was chosen from.
+    Each stands for the pixels it was chosen from, and outside penumbrae speaks for its neighbourhood (`pooled`).
+    label : segments of the photo that are of one albedo, where surfaces hide several
     """
     pool = choose_samples(sight.photo, sight.camera, sight.buffers, effort.pool)
     margin = _PENUMBRA_MARGIN * reach_of(light, sight.middle)
@@ -102,4 +104,4 @@ def enriched(sight: Sight, light: Light, effort: Effort) -> Samples:
             weight[of] = pool.weight[kind & (pool.surface == s)].sum() / len(of)
     # In the pool's order, so that any first few are spread over the photo.
     keep = np.sort(np.concatenate([inside, outside]))
-    return subset(replace(pool, weight=weight), keep)
+    return pooled(subset(replace(pool, weight=weight), keep), sight.photo, sight.buffers, ~edge[keep], label)

@@ -8,7 +8,8 @@ import numpy as np
 from ..photo.segmentation import Labels, at_samples, by_albedo, in_segments
 from ..progress import watched
 from ..types import Light, Progress, Samples
-from .fit import LightFit, fit_light, other_sizes
+from .fit import LightFit, fit_light
+from .hopping import hopped
 from .sight import Asked, Effort, Sight
 
 _GAIN = 0.1  # of negative log likelihood a sample: what several albedos a surface have to explain
@@ -44,10 +45,9 @@ def divided(
     parts = here.divided(regions(sight, here, apart, rays, label))
     if len(parts.samples.names) == len(here.samples.names):
         return None
-    better = yield from fitted(parts, apart.light, 0.4, 0.55)
-    # The sides were found with the albedos' edges in the way, so others have their turn again.
-    sizes = other_sizes(parts.problem(sight, count, rays), better, iterations=12, tolerance=effort.tolerance)
-    better = yield from watched(sizes, 0.55, 0.85, message)
+    # The light was found with the albedos' edges in the way, so what is near has its turn.
+    jumps = hopped(parts.problem(sight, count, rays), apart.light, effort.jumps, effort.tolerance)
+    better = yield from watched(jumps, 0.4, 0.85, message)
     whole = yield from fitted(here, light, 0.85, 1.0)
     return Divided(parts, better.light) if whole.score - better.score > _GAIN else None
 

@@ -25,12 +25,13 @@ from ..types import (
     SunLight,
 )
 from .cues import diffuse_maxima, grid, highlights, terminators
-from .fit import LightFit, fit_light, other_sizes, search_light
+from .fit import LightFit, fit_light, search_light
 from .hints import Hint, hinted_lines, turned
+from .hopping import hopped
 from .model_choice import choose, criterion
 from .polish import enriched, polished, polished_with_regions
-from .problem import brightness
-from .regions import divided
+from .problem import Problem, brightness, score
+from .regions import divided, regions
 from .second_light import second_light
 from .sight import Asked, Effort, Sight, asked
 from .starts import Judge, Start, find_starts
@@ -99,13 +100,18 @@ def search(
     parts = yield from shifted(divided(sight, here, effort, tried[0][1], label), 0.45, 0.5)
     if parts is not None:
         here, tried[0] = parts.asked, (tried[0][0], parts.light, tried[0][2])
-    name, fit, candidates = yield from shifted(_finals(sight, here, effort, tried, solver), 0.55, 0.75)
-    whole = yield from shifted(asked(sight, enriched(sight, fit.light, effort)), 0.75, 0.8)
+    name, fit, candidates = yield from shifted(_finals(sight, here, effort, tried, solver), 0.5, 0.7)
+    alone = None if parts is None else label
+    whole = yield from shifted(asked(sight, enriched(sight, fit.light, effort, alone)), 0.7, 0.75)
+    there = whole if parts is None else whole.divided(regions(sight, whole, fit, effort.polish_rays, label))
+    edges = there.problem(sight, 2 * effort.fit_samples, effort.polish_rays)
+    jumps = hopped(edges, fit.light, effort.jumps, effort.tolerance)
+    fit = yield from watched(jumps, 0.75, 0.85, "Trying other sizes and places")
     if parts is None:
         last = polished(sight, whole, fit.light, effort)
     else:
         last = polished_with_regions(sight, whole, fit, effort, label)
-    fit, there = yield from shifted(last, 0.8, 1.0)
+    fit, there = yield from shifted(last, 0.85, 1.0)
     return Searched(name, fit, there, whole, tuple(places), None, candidates, found)
 
 
@@ -189,29 +195,41 @@ def _rough(
 def _finals(
     sight: Sight, here: Asked, effort: Effort, tried: Sequence[tuple[str, Light, bool]], solver: str
 ) -> Generator[Progress, None, tuple[str, LightFit, tuple[Candidate, ...]]]:
-    """Fine fits of each model, which is chosen, and that from other sizes as well."""
+    """Fine fits of each model, and which is chosen."""
     fine = here.problem(sight, 2 * effort.fit_samples, effort.polish_rays)
     dense = here.problem(sight, 2 * effort.fit_samples, 1)
+    begun = yield from shifted(_led(dense, tried), 0.0, 0.4)
     fits: list[tuple[str, LightFit, Candidate]] = []
-    share = 0.75 / len(tried)
-    for name, begun, guessed in tried:
-        since, begin, message = time.perf_counter(), share * len(fits), f"Fitting the {name} light"
-        if guessed:
-            # One ray finds all of a small source's shadow, so all samples can be asked for its edge.
-            steps = search_light(dense, begun, widest=0.06, finest=1e-3)
-            begun = yield from watched(steps, begin, begin + 0.5 * share, message)
-        fitting = SOLVERS[solver](fine, begun, iterations=20, tolerance=effort.tolerance)
-        fit = yield from watched(fitting, begin + 0.5 * share, begin + share, message)
-        fits.append((name, fit, Candidate(name, criterion(fit, fine), time.perf_counter() - since)))
+    for name, light, seconds in begun:
+        since, begin, share = time.perf_counter(), 0.4 + 0.6 * len(fits) / len(begun), 0.6 / len(begun)
+        fitting = SOLVERS[solver](fine, light, iterations=20, tolerance=effort.tolerance)
+        fit = yield from watched(fitting, begin, begin + share, f"Fitting the {name} light")
+        fits.append((name, fit, Candidate(name, criterion(fit, fine), seconds + time.perf_counter() - since)))
     chosen = choose([fit for _, fit, _ in fits], fine, sight.extent)
     name, fit, _ = fits[chosen]
-    if solver == "trust-region":
-        sizes = other_sizes(fine, fit, iterations=10, tolerance=effort.tolerance)
-        fit = yield from watched(sizes, 0.75, 1.0, "Trying other sizes")
     best_of: dict[str, Candidate] = {}
     for _, _, candidate in sorted(fits, key=lambda entry: -entry[2].score):
         best_of[candidate.name] = candidate
     return name, fit, tuple(best_of.values())
+
+
+def _led(
+    dense: Problem, tried: Sequence[tuple[str, Light, bool]]
+) -> Generator[Progress, None, list[tuple[str, Light, float]]]:
+    """Lead each guess down the stairs to a light worth fitting, the best of each model; with the seconds it took.
+
+    One ray finds all of a small source's shadow, so all samples can be asked for its edge.
+    """
+    out = [(name, light, 0.0) for name, light, guessed in tried if not guessed]
+    for name in dict.fromkeys(name for name, _, guessed in tried if guessed):
+        since, found = time.perf_counter(), []
+        guesses = [light for kind, light, guessed in tried if guessed and kind == name]
+        for light in guesses:
+            steps = search_light(dense, light, widest=0.06, finest=1e-3)
+            found.append((yield from watched(steps, 0.0, 1.0, f"Looking for the {name} light")))
+        best = min(found, key=lambda light: score(dense, dense.start(light)))
+        out.append((name, best, time.perf_counter() - since))
+    return out
 
 
 def _models(

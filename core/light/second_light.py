@@ -18,11 +18,12 @@ import numpy as np
 from ..photo.samples import first
 from ..progress import watched
 from ..radiance.lights import coordinates
-from ..types import Candidate, Light, Progress
+from ..types import Array, Candidate, Light, Progress, Samples
 from .cues import grid
-from .fit import LightFit, at_rest, fit_light, with_covariance
+from .fit import LightFit, at_rest, explained, fit_light, with_covariance
+from .hopping import hopped
 from .model_choice import independent_count
-from .problem import brightness
+from .problem import brightness, several_terms
 from .sight import Asked, Effort, Sight
 from .starts import Judge, find_starts
 
@@ -35,7 +36,9 @@ _RAYS = 16  # to a light of a pair that is tried
 _MUCH = 0.02
 _HOPELESS = 0.02  # of the same, after a turn: a pair that explains less is given up
 _TURNS = 3  # of both lights
-NAME = "second light"
+NAME, _MESSAGE = "second light", "Looking for a second light"
+
+_Turn = tuple[LightFit, LightFit]  # of the first light, and of the other beside it
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,50 +60,57 @@ def second_light(
     a model leaves out belong together over patches, and another light is soon found that explains a few of them.
     The candidate's score is the gain, negative as lower is better.
     """
-    began, message = time.perf_counter(), "Looking for a second light"
+    began, message = time.perf_counter(), _MESSAGE
     yield Progress(0.0, message)
 
     def considered(gain: float) -> Candidate:
         return Candidate(NAME, -gain, time.perf_counter() - began)
 
+    if explained(only, here.samples):
+        return None, considered(0.0)
     weight = here.samples.weight
     level = float(np.average(brightness(here.samples), weights=weight))
-    if np.average(only.residual**2, weights=weight) < (_MUCH * level) ** 2:
-        return None, considered(0.0)
     begun = _pairs(sight, here, only, effort, places)
-    count, rays, share = 2 * effort.fit_samples, effort.polish_rays, 0.9 / max(len(begun), 1)
-
-    def fitted(light: Light, beside: Light, begin: float) -> Generator[Progress, None, LightFit]:
-        problem = here.beside(sight, beside, rays).problem(sight, count, rays)
-        steps = fit_light(problem, light, iterations=10, tolerance=effort.tolerance)
-        return (yield from watched(steps, begin, begin + 0.5 * share / (_TURNS + 1), message))
-
     if not begun:
         return None, considered(0.0)
+    count, rays = 2 * effort.fit_samples, effort.polish_rays
+
+    def fitted(light: Light, beside: Light, begin: float, end: float) -> Generator[Progress, None, LightFit]:
+        problem = here.beside(sight, beside, rays).problem(sight, count, rays)
+        steps = fit_light(problem, light, iterations=10, tolerance=effort.tolerance)
+        return (yield from watched(steps, begin, end, message))
+
+    def in_turn(main: Light, other: Light, turns: int, begin: float, end: float) -> Generator[Progress, None, _Turn]:
+        for turn in range(turns):
+            since, half = begin + (end - begin) * turn / turns, 0.5 * (end - begin) / turns
+            second = yield from fitted(other, main, since, since + half)
+            first_one = yield from fitted(main, second.light, since + half, since + 2 * half)
+            main, other = first_one.light, second.light
+        return first_one, second
+
     alone = fit_light(here.problem(sight, count, rays), only.light, iterations=3)
-    one = yield from watched(alone, 0.0, 0.1, message)
-    best: tuple[LightFit, LightFit] | None = None
+    one = yield from watched(alone, 0.0, 0.05, message)
+    tried = []
     for number, (light, beside) in enumerate(begun):
-        other = yield from fitted(beside, light, 0.1 + number * share)
-        main = only
-        for turn in range(1, _TURNS + 1):
-            main = yield from fitted(light, other.light, 0.1 + (number + turn / (_TURNS + 1)) * share)
-            if one.score - main.score < _HOPELESS:
-                break
-            light = main.light
-            other = yield from fitted(other.light, light, 0.1 + (number + (turn + 0.5) / (_TURNS + 1)) * share)
-        best = min(best or (main, other), (main, other), key=lambda pair: pair[1].score)
-    assert best is not None
-    main, other = best
+        begin, share = 0.05 + 0.45 * number / len(begun), 0.45 / len(begun)
+        tried.append((yield from in_turn(light, beside, 1, begin, begin + share)))
+    main, other = min(tried, key=lambda pair: pair[0].score)
+    if one.score - main.score < _HOPELESS:
+        return None, considered(one.score - main.score)
+    main, other = yield from in_turn(main.light, other.light, _TURNS, 0.5, 0.8)
+    main = yield from _near(sight, here, main.light, other.light, effort, (0.8, 0.85))
+    other = yield from _near(sight, here, other.light, main.light, effort, (0.85, 0.9))
+    main = yield from fitted(main.light, other.light, 0.9, 0.95)
+    other = yield from fitted(other.light, main.light, 0.95, 1.0)
     gain = one.score - other.score
-    explained = np.average(one.residual**2 - other.residual**2, weights=weight[:count])
+    more = np.average(one.residual**2 - other.residual**2, weights=weight[:count])
     both = here.beside(sight, main.light, rays)
     problem = both.problem(sight, count, rays)
     told = independent_count(problem, at_rest(other, problem))
     # Of many pairs the best was chosen, which costs as well.
     pairs = comb(1 + _STARTS + _SUNS + len(places), 2)
     price = (coordinates(other.light) + 1) * np.log(told) + 2 * np.log(pairs)
-    if gain < _GAIN or explained < (_MUCH * level) ** 2 or 2 * told * gain < price:
+    if gain < _GAIN or more < (_MUCH * level) ** 2 or 2 * told * gain < price:
         return None, considered(gain)
     left = other.score
     if other.around[-1] * both.others.mean() <= other.shading.mean():
@@ -134,16 +144,41 @@ def _pairs(
         middle=sight.middle,
     )
     all_of = [only.light, *(start.light for start in found), *places]
-    lit = [problem.state(light, state.log_c, state.around, 1.0) for light in all_of]
-    tried = {
-        (i, j): judge(lit[j].shade * lit[j].share).score(all_of[i], _RAYS) for i, j in combinations(range(len(lit)), 2)
-    }
-    alone = [judge(samples.openness).score(light, _RAYS) for light in all_of]
-    pairs = []
-    for with_it in (True, False):
-        those = [pair for pair in tried if (0 in pair) == with_it]
-        least = alone[0] if with_it else min(alone[1:], default=np.inf)
-        best = min(those, key=tried.__getitem__, default=None)
-        if best is not None and tried[best] < least - _WORTH_FITTING:
-            pairs.append((all_of[best[0]], all_of[best[1]]))
-    return pairs
+    fields = [state.shade * state.share for state in (problem.start(light) for light in all_of)]
+
+    def left(*terms: Array) -> float:
+        """Log of the mean absolute residual, each surface with its own strengths, by weight."""
+        return _left_over(samples, level, np.stack(terms, axis=1))
+
+    pairs: dict[tuple[int, int], None] = {}
+    for around in ((), (samples.openness,)):
+        tried = {(i, j): left(fields[i], fields[j], *around) for i, j in combinations(range(len(fields)), 2)}
+        alone = [left(field, samples.openness) for field in fields]
+        for with_it in (True, False):
+            those = [pair for pair in tried if (0 in pair) == with_it]
+            least = alone[0] if with_it else min(alone[1:], default=np.inf)
+            best = min(those, key=tried.__getitem__, default=None)
+            if best is not None and tried[best] < least - _WORTH_FITTING:
+                pairs[best] = None
+    return [(all_of[i], all_of[j]) for i, j in pairs]
+
+
+def _near(
+    sight: Sight, here: Asked, light: Light, beside: Light, effort: Effort, span: tuple[float, float]
+) -> Generator[Progress, None, LightFit]:
+    """The best fit near one of two lights."""
+    problem = here.beside(sight, beside, effort.polish_rays).problem(sight, 2 * effort.fit_samples, effort.polish_rays)
+    return (yield from watched(hopped(problem, light, effort.jumps // 2, effort.tolerance), *span, _MESSAGE))
+
+
+def _left_over(samples: Samples, level: Array, terms: Array) -> float:
+    """Log of the mean absolute residual of what terms (N, K) explain, each surface with its own share of each."""
+    weight, total, out = samples.weight, 0.0, 0.0
+    for s in np.unique(samples.surface):
+        of = samples.surface == s
+        off = np.abs(level[of] - terms[of] @ several_terms(terms[of], level[of], weight[of]))
+        trust = float(weight[of].sum())
+        mean = float(np.average(level[of], weights=weight[of]))
+        out += trust * float(np.log(np.average(off, weights=weight[of]) + 1e-6 * mean + 1e-300))
+        total += trust
+    return out / total

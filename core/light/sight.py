@@ -36,6 +36,7 @@ class Effort:
     finalists: int
     tolerance: float  # of the loss, to end a fit
     last_steps: int  # with so many rays that a photo's noise, not theirs, is what is left (`refinement`)
+    jumps: int  # out of small hollows of the loss (`hopping`)
 
 
 @dataclass(frozen=True, slots=True)

@@ -225,6 +225,8 @@ def _search(fitted: Callable[[float], _Fitted], low: float, high: float) -> dict
     """The fits at some logarithms of the width: an even row, then golden section about its best."""
     tried = {x: fitted(float(np.exp(x))) for x in np.linspace(low, high, _COARSE).tolist()}
     best = min(tried, key=lambda x: tried[x].left)
+    if tried[best].strength <= 0:
+        return tried
     step = (high - low) / (_COARSE - 1)
     a, b = max(best - step, low), min(best + step, high)
     golden = (np.sqrt(5.0) - 1) / 2

@@ -1,0 +1,50 @@
+"""Fits from all round a rectangle that was found, for one that comes to rest short of the best.
+
+A penumbra pulls only where the light's own shadow meets it, so the loss has many small hollows: an edge of a shadow
+lies where it should and others do not, or all do and their widths are wrong. Basin hopping (Wales and Doye 1997) jumps
+out of them: a random step, a fit from there, and on from the better of the two. Sides tell least, and are tried first.
+"""
+
+from collections.abc import Generator
+
+import numpy as np
+
+from ..radiance.lights import moved, reach_of, resized
+from ..types import AreaLight, Light
+from .fit import LightFit, fit_light
+from .problem import Problem
+
+_STEP = np.array([0.03] * 3 + [0.15] * 3 + [0.5] * 2)  # in the coordinates of `moved`, a standard deviation
+_SIZES = 4  # of `resized`, not rolled: a light of the right size turns by itself
+_NEAR_AND_FAR = (1.0, 2.5)  # of the step, in turn
+_FIRST_LOOK, _MORE = 5, 8  # steps of a fit: after the first one that is far behind is given up
+_IN_THE_RUNNING = 0.1  # of negative log likelihood a sample
+_BETTER = 1e-3  # of the same
+_PATIENCE = 6  # jumps in a row that find nothing better
+
+
+def hopped(problem: Problem, light: Light, jumps: int, tolerance: float) -> Generator[float, None, LightFit]:
+    """Fit from a light, and jump from there where it is a rectangle; yields losses and returns the best fit.
+
+    jumps : at most; tolerance : of each fit, as `fit_light`
+    """
+    fit = yield from fit_light(problem, light, iterations=_FIRST_LOOK + _MORE, tolerance=tolerance)
+    if not isinstance(fit.light, AreaLight):
+        return fit
+    random, idle = np.random.default_rng(0), 0
+    for number in range(jumps):
+        if number < _SIZES:
+            light = resized(fit.light)[number]
+        else:
+            step = _NEAR_AND_FAR[number % len(_NEAR_AND_FAR)] * _STEP * random.standard_normal(len(_STEP))
+            light = moved(fit.light, step, reach_of(fit.light, problem.middle))
+        idle += 1
+        if problem.hidden(light):
+            found = yield from fit_light(problem, light, iterations=_FIRST_LOOK, tolerance=tolerance)
+            if found.score < fit.score + _IN_THE_RUNNING and not found.converged:
+                found = yield from fit_light(problem, found.light, iterations=_MORE, tolerance=tolerance)
+            if found.score < fit.score - _BETTER:
+                fit, idle = found, 0
+        if idle == _PATIENCE:
+            break
+    return fit
