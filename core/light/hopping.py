@@ -16,11 +16,11 @@ from .problem import Problem
 
 _STEP = np.array([0.03] * 3 + [0.15] * 3 + [0.5] * 2)  # in the coordinates of `moved`, a standard deviation
 _SIZES = 4  # of `resized`, not rolled: a light of the right size turns by itself
-_NEAR_AND_FAR = (1.0, 2.5)  # of the step, in turn
+_NEAR_AND_FAR = (0.4, 1.0, 2.5)  # of the step, in turn
 _FIRST_LOOK, _MORE = 5, 8  # steps of a fit: after the first one that is far behind is given up
 _IN_THE_RUNNING = 0.1  # of negative log likelihood a sample
 _BETTER = 1e-3  # of the same
-_PATIENCE = 6  # jumps in a row that find nothing better
+_PATIENCE = 1 / 3  # of the jumps: so many in a row that find nothing better are the last
 
 
 def hopped(problem: Problem, light: Light, jumps: int, tolerance: float) -> Generator[float, None, LightFit]:
@@ -45,6 +45,6 @@ def hopped(problem: Problem, light: Light, jumps: int, tolerance: float) -> Gene
                 found = yield from fit_light(problem, found.light, iterations=_MORE, tolerance=tolerance)
             if found.score < fit.score - _BETTER:
                 fit, idle = found, 0
-        if idle == _PATIENCE:
+        if idle >= _PATIENCE * jumps:
             break
     return fit

@@ -37,7 +37,7 @@ def pooled(samples: Samples, photo: Photo, buffers: Buffers, where: Mask, label:
 
     normal = mean(buffers.normal)
     length = np.linalg.norm(normal, axis=1)
-    flat = (length > _FLAT) & (2 * own.sum(axis=(1, 2)) > own[0].size)
+    flat = (length > _FLAT) & (2 * own.sum(axis=(1, 2)) > len(step) ** 2)
     colour, point, normals = samples.colour.copy(), samples.point.copy(), samples.normal.copy()
     colour[ask[flat]] = mean(photo.linear[:: buffers.stride, :: buffers.stride])[flat]
     point[ask[flat]] = mean(buffers.point)[flat]
