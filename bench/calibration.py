@@ -23,6 +23,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ..core.light.polish import finished
 from ..core.light.search import Searched, search
 from ..core.light.sight import look
 from ..core.light.uncertainty import INTERVAL, uncertainty_of
@@ -79,6 +80,7 @@ def measured(number: int, kind: str, blind: bool, quality: str) -> dict:
     out: dict = {"number": number, "blind": blind, "processor": time.process_time() - started}
     if found is None or not isinstance(found.fit.light, AreaLight):
         return out | {"chosen": None if found is None else found.name}
+    found = replace(found, fit=drain(finished(sight, found.asked, found.fit, effort)))
     bounded = kind == "percent" and number % DRAWS == 1  # which takes longer than the fit
     return out | compared(made, found, sight.middle, with_bound=bounded)
 

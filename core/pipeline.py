@@ -124,7 +124,8 @@ def estimate(
         told = _materials(sight, here, (fit.light, *others), quality, bounce=found.bounce)
         materials = yield from shifted(told, begin + 0.02, begin + 0.05)
     looked: tuple[Candidate, ...] = ()
-    if model == "auto" and solver == "trust-region":  # free levels, too, would make up for a wrong light
+    # Free levels would make up for a wrong light, too, and stand for what is left of highlights.
+    if model == "auto" and solver == "trust-region" and materials.matt is None:
         clock.mark("solve")
         fit, there, looked = yield from shifted(with_richer_ambient(sight, there, fit, effort), 0.9, 0.92)
         clock.mark("ambient")

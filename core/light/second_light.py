@@ -18,7 +18,7 @@ import numpy as np
 from ..photo.samples import first
 from ..progress import watched
 from ..radiance.lights import coordinates
-from ..types import Array, Candidate, Light, Progress, Samples
+from ..types import AreaLight, Array, Candidate, Light, Progress, Samples
 from .cues import grid
 from .fit import LightFit, at_rest, explained, fit_light, with_covariance
 from .hopping import hopped
@@ -93,16 +93,20 @@ def second_light(
     tried = []
     for number, (light, beside) in enumerate(begun):
         begin, share = 0.05 + 0.45 * number / len(begun), 0.45 / len(begun)
-        tried.append((yield from in_turn(light, beside, 1, begin, begin + share)))
+        pair = yield from in_turn(light, beside, 1, begin, begin + share)
+        if not _one_light(pair[0].light, pair[1].light):
+            tried.append(pair)
+    if not tried or one.score - min(main.score for main, _ in tried) < _HOPELESS:
+        return None, considered(max((one.score - main.score for main, _ in tried), default=0.0))
     main, other = min(tried, key=lambda pair: pair[0].score)
-    if one.score - main.score < _HOPELESS:
-        return None, considered(one.score - main.score)
     main, other = yield from in_turn(main.light, other.light, _TURNS, 0.5, 0.8)
     main = yield from _near(sight, here, main.light, other.light, effort, (0.8, 0.85))
     other = yield from _near(sight, here, other.light, main.light, effort, (0.85, 0.9))
     main = yield from fitted(main.light, other.light, 0.9, 0.95)
     other = yield from fitted(other.light, main.light, 0.95, 1.0)
     gain = one.score - other.score
+    if _one_light(main.light, other.light):
+        return None, considered(gain)
     more = np.average(one.residual**2 - other.residual**2, weights=weight[:count])
     both = here.beside(sight, main.light, rays)
     problem = both.problem(sight, count, rays)
@@ -117,6 +121,13 @@ def second_light(
         main, other = other, main
         problem = here.beside(sight, main.light, rays).problem(sight, count, rays)
     return Pair(main, with_covariance(problem, other), left), considered(gain)
+
+
+def _one_light(a: Light, b: Light) -> bool:
+    """Whether two lights overlap: two rectangles in one place draw softer shadows than one, with the rays of both."""
+    if not isinstance(a, AreaLight) or not isinstance(b, AreaLight):
+        return False
+    return bool(np.linalg.norm(a.centre - b.centre) < 0.5 * (np.linalg.norm(a.size) + np.linalg.norm(b.size)))
 
 
 def _pairs(
