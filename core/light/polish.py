@@ -81,7 +81,10 @@ def finished(sight: Sight, here: Asked, fit: LightFit, effort: Effort) -> Genera
 
 
 def _polish(problem: Problem, light: Light, effort: Effort) -> Generator[float, None, LightFit]:
-    return fit_light(problem, light, iterations=8, tolerance=effort.tolerance)
+    """Fit on from a light, unless that leaves more: a fit's loss is blind to samples that no step improves."""
+    begun = yield from fit_light(problem, light, iterations=0)
+    fit = yield from fit_light(problem, light, iterations=8, tolerance=effort.tolerance)
+    return fit if fit.score <= begun.score else replace(begun, converged=fit.converged)
 
 
 def enriched(sight: Sight, light: Light, effort: Effort, label: Labels | None = None) -> Samples:
