@@ -134,8 +134,10 @@ def assembled(
 def failed(message: str, clock: Clock) -> Estimate:
     """Make the falsy estimate of a photo that could not be explained; `message` says why."""
     nothing = np.zeros(3)
-    empty = Estimate((), nothing, (), (), 0.0, 0.0, nothing, "none", (), SCALE, message, (), clock.all())
-    return replace(empty, ambient_model="none")
+    seconds = clock.all()
+    return Estimate(
+        (), nothing, (), (), 0.0, 0.0, nothing, "none", (), SCALE, message, (), seconds, ambient_model="none"
+    )
 
 
 def united(surfaces: Sequence[Surface], names: Sequence[str]) -> tuple[Surface, ...]:

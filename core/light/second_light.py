@@ -18,14 +18,14 @@ import numpy as np
 from ..photo.samples import first
 from ..progress import watched
 from ..radiance.lights import coordinates
-from ..types import AreaLight, Array, Candidate, Light, Progress, Samples
+from ..types import AreaLight, Array, Candidate, Light, Progress
 from .cues import grid
 from .fit import LightFit, at_rest, explained, fit_light, with_covariance
 from .hopping import hopped
 from .model_choice import independent_count
 from .problem import brightness, several_terms
 from .sight import Asked, Effort, Sight
-from .starts import Judge, find_starts
+from .starts import Judge, find_starts, left_over
 
 _WORTH_FITTING = 0.1  # of the logarithm of what is left over: what a pair has to explain of it
 _GAIN = 0.1  # of negative log likelihood a sample: what the second light has to explain
@@ -60,8 +60,8 @@ def second_light(
     a model leaves out belong together over patches, and another light is soon found that explains a few of them.
     The candidate's score is the gain, negative as lower is better.
     """
-    began, message = time.perf_counter(), _MESSAGE
-    yield Progress(0.0, message)
+    began = time.perf_counter()
+    yield Progress(0.0, _MESSAGE)
 
     def considered(gain: float) -> Candidate:
         return Candidate(NAME, -gain, time.perf_counter() - began)
@@ -78,7 +78,7 @@ def second_light(
     def fitted(light: Light, beside: Light, begin: float, end: float) -> Generator[Progress, None, LightFit]:
         problem = here.beside(sight, beside, rays).problem(sight, count, rays)
         steps = fit_light(problem, light, iterations=10, tolerance=effort.tolerance)
-        return (yield from watched(steps, begin, end, message))
+        return (yield from watched(steps, begin, end, _MESSAGE))
 
     def in_turn(main: Light, other: Light, turns: int, begin: float, end: float) -> Generator[Progress, None, _Turn]:
         for turn in range(turns):
@@ -89,7 +89,7 @@ def second_light(
         return first_one, second
 
     alone = fit_light(here.problem(sight, count, rays), only.light, iterations=3)
-    one = yield from watched(alone, 0.0, 0.05, message)
+    one = yield from watched(alone, 0.0, 0.05, _MESSAGE)
     tried = []
     for number, (light, beside) in enumerate(begun):
         begin, share = 0.05 + 0.45 * number / len(begun), 0.45 / len(begun)
@@ -138,14 +138,11 @@ def _pairs(
     samples = first(here.samples, count)
     level = brightness(samples)
 
-    def judge(other: np.ndarray) -> Judge:
-        return Judge(replace(samples, openness=other), level, sight.visible, sight.extent, sight.far)
-
     problem = here.problem(sight, count, _RAYS)
     state = at_rest(only, problem)
-    beside_it = judge(state.shade * state.share + problem.around @ only.around)
+    beside_it = replace(samples, openness=state.shade * state.share + problem.around @ only.around)
     found = find_starts(
-        beside_it,
+        Judge(beside_it, level, sight.visible, sight.extent, sight.far),
         sight.hidden,
         grid(sight.middle, effort.directions // 2),
         grid(sight.middle, 2 * effort.directions),
@@ -155,16 +152,21 @@ def _pairs(
         middle=sight.middle,
     )
     all_of = [only.light, *(start.light for start in found), *places]
-    fields = [state.shade * state.share for state in (problem.start(light) for light in all_of)]
+    lit = [problem.state(light, state.log_c, state.around, 1.0) for light in all_of]
+    fields = [one.shade * one.share for one in lit]
 
     def left(*terms: Array) -> float:
-        """Log of the mean absolute residual, each surface with its own strengths, by weight."""
-        return _left_over(samples, level, np.stack(terms, axis=1))
+        """What terms (N,) leave over, each surface with its own share of each."""
+        together, residual = np.stack(terms, axis=1), level.copy()
+        for of in surfaces:
+            residual[of] -= together[of] @ several_terms(together[of], level[of], samples.weight[of])
+        return left_over(samples, level, residual)
 
+    surfaces = [np.flatnonzero(samples.surface == s) for s in np.unique(samples.surface)]
+    alone = [left(field, samples.openness) for field in fields]
     pairs: dict[tuple[int, int], None] = {}
     for around in ((), (samples.openness,)):
         tried = {(i, j): left(fields[i], fields[j], *around) for i, j in combinations(range(len(fields)), 2)}
-        alone = [left(field, samples.openness) for field in fields]
         for with_it in (True, False):
             those = [pair for pair in tried if (0 in pair) == with_it]
             least = alone[0] if with_it else min(alone[1:], default=np.inf)
@@ -180,16 +182,3 @@ def _near(
     """The best fit near one of two lights."""
     problem = here.beside(sight, beside, effort.polish_rays).problem(sight, 2 * effort.fit_samples, effort.polish_rays)
     return (yield from watched(hopped(problem, light, effort.jumps // 2, effort.tolerance), *span, _MESSAGE))
-
-
-def _left_over(samples: Samples, level: Array, terms: Array) -> float:
-    """Log of the mean absolute residual of what terms (N, K) explain, each surface with its own share of each."""
-    weight, total, out = samples.weight, 0.0, 0.0
-    for s in np.unique(samples.surface):
-        of = samples.surface == s
-        off = np.abs(level[of] - terms[of] @ several_terms(terms[of], level[of], weight[of]))
-        trust = float(weight[of].sum())
-        mean = float(np.average(level[of], weights=weight[of]))
-        out += trust * float(np.log(np.average(off, weights=weight[of]) + 1e-6 * mean + 1e-300))
-        total += trust
-    return out / total

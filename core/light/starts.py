@@ -83,12 +83,17 @@ class Judge:
         samples, weight = self.samples, self.samples.weight
         surface, count, y, openness = samples.surface, len(samples.names), self.brightness, samples.openness
         direct, ambient = _two_terms(lit, openness, y, weight, surface, count)
-        off = np.abs(y - direct[surface] * lit - ambient[surface] * openness)
-        total = np.bincount(surface, weight, count)
-        seen = total > 0
-        floor = 1e-6 * np.bincount(surface, weight * y, count)[seen] / total[seen] + 1e-300
-        left = np.log(np.bincount(surface, weight * off, count)[seen] / total[seen] + floor)
-        return float((total[seen] * left).sum() / total[seen].sum())
+        return left_over(samples, y, y - direct[surface] * lit - ambient[surface] * openness)
+
+
+def left_over(samples: Samples, brightness: Array, residual: Array) -> float:
+    """Compute the log of the mean absolute residual (N,) of each surface, and its mean by weight."""
+    surface, weight, count = samples.surface, samples.weight, len(samples.names)
+    total = np.bincount(surface, weight, count)
+    seen = total > 0
+    floor = 1e-6 * np.bincount(surface, weight * brightness, count)[seen] / total[seen] + 1e-300
+    left = np.log(np.bincount(surface, weight * np.abs(residual), count)[seen] / total[seen] + floor)
+    return float((total[seen] * left).sum() / total[seen].sum())
 
 
 def find_starts(
