@@ -16,8 +16,10 @@ from .fit import LightFit, at_rest, fit_light
 from .model_choice import independent_count
 from .problem import Problem, score
 
-_TRIED = (0.5, 0.7, 1.0, 1.4, 2.0)
+_TRIED = (0.7, 1.0, 1.4)
+_BEYOND = {0.7: 0.5, 1.4: 2.0}  # is tried where that is the best of them
 _NARROWER = (1.2, 1.1)  # factors between exponents that are tried around the best
+_HALFWAY = 0.5  # to what is clear: where the first of them brings no more, the next is not asked
 _STEPS = 6  # of the light's fit at each
 _RISING = (0.0, 0.5, 1.0)  # powers of brightness that a spread goes with
 _DARKEST = 1e-3  # of the median: below, a logarithm says nothing
@@ -35,13 +37,15 @@ class Response:
 
 
 def likeliest_response(problem: Problem, fit: LightFit) -> Generator[float, None, Response]:
-    """Find the exponent under which a light explains its photo best; a generator that yields the gain so far."""
+    """Find the exponent under which a light explains its photo best; a generator that yields the fits' losses."""
     fits: dict[float, LightFit] = {}
     left: dict[float, float] = {}
     for exponent in _TRIED:
         fits[exponent], left[exponent] = yield from _fitted(problem, fit, exponent)
-        yield left.get(1.0, left[exponent]) - left[exponent]
     best = min(left, key=left.__getitem__)
+    if best in _BEYOND:
+        fits[_BEYOND[best]], left[_BEYOND[best]] = yield from _fitted(problem, fit, _BEYOND[best])
+        best = min(left, key=left.__getitem__)
     for width in _NARROWER:
         for exponent in (best / width, best * width):
             if exponent not in left:
@@ -50,6 +54,8 @@ def likeliest_response(problem: Problem, fit: LightFit) -> Generator[float, None
         best = _lowest(np.log(near), np.array([left[one] for one in near]))
         fits[best], left[best] = yield from _fitted(problem, fit, best)
         best = min(left, key=left.__getitem__)
+        if left[1.0] - left[best] < _HALFWAY * _CLEAR:
+            break
     gain = left[1.0] - left[best]
     powered = _powered(problem, best)
     told = independent_count(powered, at_rest(fits[best], powered))
