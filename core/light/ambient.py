@@ -23,7 +23,7 @@ from ..photo.samples import extent_of
 from ..photo.segmentation import Labels
 from ..radiance.lights import coordinates
 from ..types import Array, Samples
-from .fit import _stepped
+from .fit import Descent, descended, stepped
 from .model_choice import independent_count
 from .problem import _LOSS_SCALE, Problem, State, _loss_weight, cost, normal_equations, score, spread_of
 
@@ -189,30 +189,25 @@ def fitted(
     """
     wider, rows = found.wider(problem), _expected(problem, state, found.basis)
     now = replace(state, log_c=found.state.log_c, around=found.state.around)
-    count, damping, quiet = len(problem.samples), 1e-2, 0
-    held = np.zeros((coordinates(state.light) + len(state.log_c) + rows.shape[1],) * 2)
-    held[-rows.shape[1] :, -rows.shape[1] :] = rows.T @ rows * count / found.told
+    count, levels = len(problem.samples), rows.shape[1]
+    held = np.zeros((coordinates(state.light) + len(state.log_c) + levels,) * 2)
+    held[-levels:, -levels:] = rows.T @ rows * count / found.told
+
+    def equations(one: State, expected: Array) -> tuple[Array, Array]:
+        matrix, slope = normal_equations(wider, one, expected)
+        return matrix + held, slope + held[:, -levels:] @ one.around
 
     def total(one: State, expected: Array) -> float:
         return cost(wider, one, expected) + float(((rows @ one.around) ** 2).sum()) / (found.told * _LOSS_SCALE**2)
 
-    for _ in range(iterations):
-        expected = spread_of(wider, now)  # what `score` goes by, for the fits are held against one another
-        matrix, slope = normal_equations(wider, now, expected)
-        slope = slope + held[:, -rows.shape[1] :] @ now.around
-        before, trial = total(now, expected), None
-        while trial is None and damping < 1e6:
-            trial = _stepped(wider, now, matrix + held, slope, damping)
-            if total(trial, expected) >= before or not wider.hidden(trial.light):
-                trial, damping = None, max(damping * 5.0, 1e-6)
-        if trial is None:
-            break
-        now, damping = trial, max(damping * 0.2, 1e-9)
-        after = total(now, expected)
-        yield after
-        quiet = quiet + 1 if before - after < tolerance * before else 0
-        if quiet == 2:
-            break
+    descent = Descent(
+        expected=lambda one: spread_of(wider, one),  # what `score` goes by, for the fits are held against one another
+        equations=equations,
+        stepped=lambda one, step: stepped(wider, one, step),
+        cost=total,
+        allowed=lambda one: wider.hidden(one.light),
+    )
+    now, _, _ = yield from descended(now, descent, iterations, tolerance)
     return replace(found, state=now, score=score(wider, now), told=independent_count(wider, now))
 
 

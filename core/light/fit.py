@@ -6,8 +6,9 @@ of them, so a textured surface speaks softly, and enter through a soft-L1 loss, 
 does not pull.
 """
 
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from dataclasses import dataclass, replace
+from typing import Generic, TypeVar
 
 import numpy as np
 
@@ -31,6 +32,20 @@ _PROBE_UNIT = 0.02  # of a step: shadows are probed that much farther for each
 _LARGEST_LOG_STEP = 2.0  # of a strength
 _MOST, _NEXT_TO_NOTHING = 0.9, 0.01  # of the samples, and of their mean brightness: see `explained`
 _LEAST_STRENGTH = 1e-300  # whose logarithm is a number
+
+
+S = TypeVar("S")
+
+
+@dataclass(frozen=True, slots=True)
+class Descent(Generic[S]):
+    """What steps of a fit ask of a state S of its unknowns."""
+
+    expected: Callable[[S], Array]  # each residual's expected size (N,)
+    equations: Callable[[S, Array], tuple[Array, Array]]  # Gauss-Newton matrix (M, M), gradient (M,) of the loss
+    stepped: Callable[[S, Array], S]  # after a step (M,)
+    cost: Callable[[S, Array], float]  # mean loss
+    allowed: Callable[[S], bool]
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,31 +72,51 @@ def fit_light(
 
     iterations : most steps to take; `LightFit.converged` says whether fewer were enough
     tolerance : two steps in a row that lower the loss by less than this share of it end the fit
+    Where the steps lead to less likely a light, the start is returned: the loss is blind to samples that no step
+    improves.
     """
-    state, damping, quiet, done, converged = problem.start(start), 1e-2, 0, 0, False
-    expected = expected_residual(problem, state)
-    for done in range(1, iterations + 1):  # noqa: B007 - `done` is read after the loop
-        matrix, slope = normal_equations(problem, state, expected)
-        before = cost(problem, state, expected)
+    begun = problem.start(start)
+    state, done, converged = yield from descended(
+        begun,
+        Descent(
+            expected=lambda state: expected_residual(problem, state),
+            equations=lambda state, expected: normal_equations(problem, state, expected),
+            stepped=lambda state, step: stepped(problem, state, step),
+            cost=lambda state, expected: cost(problem, state, expected),
+            allowed=lambda state: problem.hidden(state.light),
+        ),
+        iterations,
+        tolerance,
+    )
+    return result_of(problem, min(begun, state, key=lambda one: score(problem, one)), done, converged)
+
+
+def descended(
+    state: S, descent: Descent[S], iterations: int, tolerance: float
+) -> Generator[float, None, tuple[S, int, bool]]:
+    """Take damped Gauss-Newton steps; yields the mean loss after each, returns state, their number, whether at rest."""
+    damping, quiet, done = 1e-2, 0, 0
+    expected = descent.expected(state)
+    for done in range(1, iterations + 1):
+        matrix, slope = descent.equations(state, expected)
+        before = descent.cost(state, expected)
         found = None
         while found is None and damping < 1e6:
-            trial = _stepped(problem, state, matrix, slope, damping)
-            after = cost(problem, trial, expected)
-            if after < before and problem.hidden(trial.light):
+            trial = descent.stepped(state, _step(matrix, slope, damping))
+            after = descent.cost(trial, expected)
+            if after < before and descent.allowed(trial):
                 found = trial
             else:
                 damping = max(damping * 5.0, 1e-6)
         if found is None:
-            converged = True
-            break
+            return state, done, True
         state, damping = found, max(damping * 0.2, 1e-9)
         yield after
         quiet = quiet + 1 if before - after < tolerance * before else 0
         if quiet >= 2:
-            converged = True
-            break
-        expected = expected_residual(problem, state)
-    return result_of(problem, state, done, converged)
+            return state, done, True
+        expected = descent.expected(state)
+    return state, done, False
 
 
 def explained(fit: LightFit, samples: Samples) -> bool:
@@ -117,18 +152,32 @@ def search_light(problem: Problem, light: Light, *, widest: float, finest: float
     return light
 
 
-def _stepped(problem: Problem, state: State, matrix: Array, slope: Array, damping: float) -> State:
-    """The state after a damped Gauss-Newton step (Marquardt's scaling)."""
+def _step(matrix: Array, slope: Array, damping: float) -> Array:
+    """A damped Gauss-Newton step (Marquardt's scaling)."""
     diagonal = np.diag(matrix) + 1e-12 * np.trace(matrix)
-    step = -np.linalg.lstsq(matrix + np.diag(damping * diagonal), slope, rcond=None)[0]
+    return np.asarray(-np.linalg.lstsq(matrix + np.diag(damping * diagonal), slope, rcond=None)[0])
+
+
+def stepped(problem: Problem, state: State, step: Array) -> State:
+    """The state after a step in (light's coordinates, log c, around)."""
     size = coordinates(state.light)
-    geometry = step[:size] * min(1.0, _LARGEST_STEP / max(np.abs(step[:size]).max(), 1e-300))
-    light = moved(state.light, geometry, reach_of(state.light, problem.middle))
-    rest = size + len(state.log_c)
-    log_c = state.log_c + np.clip(step[size:rest], -_LARGEST_LOG_STEP, _LARGEST_LOG_STEP)
-    around = np.maximum(state.around + step[rest:], 0.0)
-    probe = float(np.clip(np.abs(geometry).max() / _PROBE_UNIT, max(0.5 * state.probe, 1.0), WIDEST_PROBE))
+    light, probe = stepped_light(problem, state, step[:size])
+    log_c, around = stepped_rest(state, step[size:])
     return problem.state(light, log_c, around, probe, state.known)
+
+
+def stepped_light(problem: Problem, state: State, step: Array) -> tuple[Light, float]:
+    """A state's light after a step in its coordinates (P,), cut where too long; and how far to probe shadows there."""
+    step = step * min(1.0, _LARGEST_STEP / max(np.abs(step).max(), 1e-300))
+    probe = float(np.clip(np.abs(step).max() / _PROBE_UNIT, max(0.5 * state.probe, 1.0), WIDEST_PROBE))
+    return moved(state.light, step, reach_of(state.light, problem.middle)), probe
+
+
+def stepped_rest(state: State, step: Array) -> tuple[Array, Array]:
+    """A state's log c (S,) and around (K,) after a step in both (S + K,)."""
+    surfaces = len(state.log_c)
+    log_c = state.log_c + np.clip(step[:surfaces], -_LARGEST_LOG_STEP, _LARGEST_LOG_STEP)
+    return log_c, np.maximum(state.around + step[surfaces:], 0.0)
 
 
 def result_of(problem: Problem, state: State, iterations: int, converged: bool) -> LightFit:

@@ -6,33 +6,45 @@ out of them: a random step, a fit from there, and on from the better of the two.
 """
 
 from collections.abc import Generator
+from dataclasses import replace
 
 import numpy as np
 
 from ..radiance.lights import moved, reach_of, resized
 from ..types import AreaLight, Light
-from .fit import LightFit, fit_light
+from .fit import LightFit, at_rest, fit_light
+from .model_choice import independent_count
 from .problem import Problem
 
 _STEP = np.array([0.03] * 3 + [0.15] * 3 + [0.5] * 2)  # in the coordinates of `moved`, a standard deviation
 _SIZES = 4  # of `resized`, not rolled: a light of the right size turns by itself
 _NEAR_AND_FAR = (0.4, 1.0, 2.5)  # of the step, in turn
 _FIRST_LOOK, _MORE = 5, 8  # steps of a fit: after the first one that is far behind is given up
-_IN_THE_RUNNING = 0.1  # of negative log likelihood a sample
-_BETTER = 1e-3  # of the same
-_PATIENCE = 1 / 3  # of the jumps: so many in a row that find nothing better are the last
+_IN_THE_RUNNING = 0.1  # of negative log likelihood a sample,
+_UNLIKELY = 10.0  # and of that of all samples, by those that are independent
+_RAYS = 8  # of a jump, at most
+_LEAST, _ASKED = 800, 3.0  # samples of a jump: at least, and for each that is independent
+_PATIENCE = 1 / 3  # of the jumps: so many in a row that find nothing clearly better are the last
 
 
 def hopped(problem: Problem, light: Light, jumps: int, tolerance: float) -> Generator[float, None, LightFit]:
     """Fit from a light, and jump from there where it is a rectangle; yields losses and returns the best fit.
 
     jumps : at most; tolerance : of each fit, as `fit_light`
+    Where residuals of many samples say the same, few are asked of a jump. Clearly better is what makes the photo e
+    times as likely, by as many samples as are independent: where much is not as modelled, every other jump finds a
+    light that explains a little more.
     """
-    fit = yield from fit_light(problem, light, iterations=_FIRST_LOOK + _MORE, tolerance=tolerance)
-    if not isinstance(fit.light, AreaLight):
-        return fit
+    begun = yield from fit_light(problem, light, iterations=_FIRST_LOOK + _MORE, tolerance=tolerance)
+    if jumps == 0 or not isinstance(begun.light, AreaLight):
+        return begun
+    told = independent_count(problem, at_rest(begun, problem))
+    promising = min(_IN_THE_RUNNING, _UNLIKELY / told)
+    some = replace(problem.first(int(max(_LEAST, _ASKED * told))), rays=min(problem.rays, _RAYS))
+    fit = yield from fit_light(some, begun.light, iterations=_MORE, tolerance=tolerance)
     random, idle = np.random.default_rng(0), 0
     for number in range(jumps):
+        assert isinstance(fit.light, AreaLight)
         if number < _SIZES:
             light = resized(fit.light)[number]
         else:
@@ -40,11 +52,14 @@ def hopped(problem: Problem, light: Light, jumps: int, tolerance: float) -> Gene
             light = moved(fit.light, step, reach_of(fit.light, problem.middle))
         idle += 1
         if problem.hidden(light):
-            found = yield from fit_light(problem, light, iterations=_FIRST_LOOK, tolerance=tolerance)
-            if found.score < fit.score + _IN_THE_RUNNING and not found.converged:
-                found = yield from fit_light(problem, found.light, iterations=_MORE, tolerance=tolerance)
-            if found.score < fit.score - _BETTER:
-                fit, idle = found, 0
+            found = yield from fit_light(some, light, iterations=_FIRST_LOOK, tolerance=tolerance)
+            if found.score < fit.score + promising and not found.converged:
+                more = yield from fit_light(some, found.light, iterations=_MORE, tolerance=tolerance)
+                found = min(found, more, key=lambda one: one.score)
+            if found.score < fit.score - 1 / told:
+                idle = 0
+            fit = min(fit, found, key=lambda one: one.score)
         if idle >= _PATIENCE * jumps:
             break
-    return fit
+    fit = yield from fit_light(problem, fit.light, iterations=_MORE, tolerance=tolerance)
+    return min(begun, fit, key=lambda one: one.score)

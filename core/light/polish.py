@@ -18,7 +18,6 @@ from ..radiance.lights import incidence, reach_of
 from ..radiance.visibility import settled
 from ..types import Light, Progress, Samples
 from .fit import LightFit, fit_light, with_covariance
-from .problem import Problem
 from .refinement import refined
 from .regions import regions
 from .sight import Asked, Effort, Sight, fields_along
@@ -36,8 +35,12 @@ def polished(
 ) -> Generator[Progress, None, tuple[LightFit, Asked]]:
     """Fit to all that is asked, in turn with what the light makes of the surfaces that the photo does not show."""
     message = "Fitting to all of the photo"
-    rays = effort.polish_rays
-    fit = yield from watched(_polish(here.problem(sight, len(here.samples), rays), light, effort), 0.0, 0.4, message)
+
+    def fitted(light: Light) -> Generator[float, None, LightFit]:
+        problem = here.problem(sight, len(here.samples), effort.polish_rays)
+        return fit_light(problem, light, iterations=8, tolerance=effort.tolerance)
+
+    fit = yield from watched(fitted(light), 0.0, 0.4, message)
     bounced = here.around is not None and fit.around[1:].any()
     for turn in range(_BOUNCE_ROUNDS if bounced else 0):
         assert here.around is not None
@@ -46,8 +49,7 @@ def polished(
             here.around, fit.light, product, fit.around[0], fit.around[1], sight.visible, sight.far
         )
         here = replace(here, fields=fields_along(here.samples, here.around.fields(radiance)))
-        steps = _polish(here.problem(sight, len(here.samples), rays), fit.light, effort)
-        fit = yield from watched(steps, 0.4 + 0.3 * turn, 0.7 + 0.3 * turn, message)
+        fit = yield from watched(fitted(fit.light), 0.4 + 0.3 * turn, 0.7 + 0.3 * turn, message)
     return fit, here
 
 
@@ -78,13 +80,6 @@ def finished(sight: Sight, here: Asked, fit: LightFit, effort: Effort) -> Genera
     yield Progress(0.9, "Finding out how sure this is")
     problem, around = here.apart(here.problem(sight, len(here.samples), effort.polish_rays), fit.around)
     return replace(fit, covariance=with_covariance(problem, replace(fit, around=around)).covariance)
-
-
-def _polish(problem: Problem, light: Light, effort: Effort) -> Generator[float, None, LightFit]:
-    """Fit on from a light, unless that leaves more: a fit's loss is blind to samples that no step improves."""
-    begun = yield from fit_light(problem, light, iterations=0)
-    fit = yield from fit_light(problem, light, iterations=8, tolerance=effort.tolerance)
-    return fit if fit.score <= begun.score else replace(begun, converged=fit.converged)
 
 
 def enriched(sight: Sight, light: Light, effort: Effort, label: Labels | None = None) -> Samples:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..photo.samples import hues, surface_means
+from ..photo.samples import first, hues, surface_means
 from ..radiance.lights import farthest_apart, moved, reach_of, shading, shading_gradient
 from ..radiance.visibility import settled, visible_fraction
 from ..types import AreaLight, Array, Light, PointLight, Samples, SunLight, Visible
@@ -84,6 +84,15 @@ class Problem:
     middle: Array  # (3,)
     hidden: Hidden
     around: Array  # (N, K) fields of the light around, K may be 0
+
+    def first(self, count: int) -> "Problem":
+        """The same of the first `count` samples."""
+        return replace(
+            self,
+            samples=first(self.samples, count),
+            brightness=self.brightness[:count],
+            around=self.around[:count],
+        )
 
     def known(self, light: Light, probe: float, before: Known | None) -> Known | None:
         """Samples whose visible fraction is known wherever a probe may move `light` to.
@@ -221,7 +230,12 @@ def _smallest_spread(problem: Problem) -> float:
 
 def normal_equations(problem: Problem, state: State, expected: Array) -> tuple[Array, Array]:
     """Compute the Gauss-Newton matrix and the gradient of half the summed loss by (light, log c, around)."""
-    jacobian, weight = model_jacobian(problem, state), _loss_weight(problem, state, expected)
+    return equations(problem, state, expected, model_jacobian(problem, state))
+
+
+def equations(problem: Problem, state: State, expected: Array, jacobian: Array) -> tuple[Array, Array]:
+    """Compute the Gauss-Newton matrix and the gradient of half the summed loss, given the model's derivative (N, M)."""
+    weight = _loss_weight(problem, state, expected)
     return jacobian.T @ (weight[:, None] * jacobian), -jacobian.T @ (weight * state.residual(problem))
 
 
@@ -234,15 +248,21 @@ def _loss_weight(problem: Problem, state: State, expected: Array) -> Array:
 
 def model_jacobian(problem: Problem, state: State) -> Array:
     """Compute the derivative (N, P + S + K) of the modelled brightness by (light's coordinates, log c, around)."""
-    samples, light, reach = problem.samples, state.light, reach_of(state.light, problem.middle)
-    c = np.exp(state.log_c)[samples.surface]
-    _, by_light = shading_gradient(light, samples.point, samples.normal, reach)
-    by_light = by_light * state.share[:, None]
-    if problem.visible is not None:
-        by_light += state.shade[:, None] * _visibility_slope(problem, state, reach)
+    samples = problem.samples
     by_log_c = np.zeros((len(samples), len(state.log_c)))
     by_log_c[np.arange(len(samples)), samples.surface] = problem.brightness - state.residual(problem)
-    return np.concatenate([c[:, None] * by_light, by_log_c, c[:, None] * problem.around], axis=1)
+    by_around = np.exp(state.log_c)[samples.surface, None] * problem.around
+    return np.concatenate([by_light(problem, state), by_log_c, by_around], axis=1)
+
+
+def by_light(problem: Problem, state: State) -> Array:
+    """Compute the derivative (N, P) of the modelled brightness by the light's coordinates."""
+    samples, light, reach = problem.samples, state.light, reach_of(state.light, problem.middle)
+    _, slope = shading_gradient(light, samples.point, samples.normal, reach)
+    slope = slope * state.share[:, None]
+    if problem.visible is not None:
+        slope += state.shade[:, None] * _visibility_slope(problem, state, reach)
+    return np.asarray(np.exp(state.log_c)[samples.surface, None] * slope)
 
 
 def _visibility_slope(problem: Problem, state: State, reach: float) -> Array:

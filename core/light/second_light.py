@@ -1,44 +1,39 @@
 """A second light, sought where one leaves much over, and kept only where two explain much more.
 
-Two lights and their shadows are not found by explaining what the better of them leaves: one light alone comes to rest
-between both. So every pair is tried of the places where one light may be, each surface with strengths of its own
-for either, which is the closed form by which starts for one light are ranked, with the second in the ambient's place
-(`starts.Judge`). The best pair is fitted in turns, each light with the other's shading as one of the fields around
-(`problem`).
+Of the pairs of places where two lights may be (`pairs`), the one that fits best (`pair_fit`) on some of the samples is
+fitted to all. Each light is then sought near where it is, beside the other, and both are fitted again.
 """
 
 import time
 from collections.abc import Generator, Sequence
-from dataclasses import dataclass, replace
-from itertools import combinations
+from dataclasses import dataclass
 from math import comb
 
 import numpy as np
 
-from ..photo.samples import first
 from ..progress import watched
-from ..radiance.lights import coordinates
-from ..types import AreaLight, Array, Candidate, Light, Progress
-from .cues import grid
+from ..radiance.lights import coordinates, facing
+from ..types import AreaLight, Candidate, Light, Progress, SunLight
 from .fit import LightFit, at_rest, explained, fit_light, with_covariance
 from .hopping import hopped
 from .model_choice import independent_count
-from .problem import brightness, several_terms
+from .pair_fit import fit_pair
+from .pairs import likely_pairs, places_tried
+from .problem import brightness
 from .sight import Asked, Effort, Sight
-from .starts import Judge, find_starts, left_over
 
-_WORTH_FITTING = 0.1  # of the logarithm of what is left over: what a pair has to explain of it
 _GAIN = 0.1  # of negative log likelihood a sample: what the second light has to explain
-_STARTS, _SUNS = 3, 1
-_RAYS = 16  # to a light of a pair that is tried
 # ... and it has to be this much of the mean brightness, root mean square: where the first light leaves next to nothing,
 # half of that is soon explained.
 _MUCH = 0.02
-_HOPELESS = 0.02  # of the same, after a turn: a pair that explains less is given up
+_HOPELESS = 0.05  # of negative log likelihood a sample: a pair that explains less is given up early
+_FIRST_LOOK, _STEPS = 6, 20  # steps of a pair's fit, to half of the samples and to all
 _TURNS = 3  # of both lights
+_SETTLED = 0.02  # of negative log likelihood a sample: a turn that explains no more is the last
+_DISTANCES, _SIDE = (1.5, 3.0, 6.0), 0.2  # of the scene's extent, of the distance: rectangles in a sun's place
 NAME, _MESSAGE = "second light", "Looking for a second light"
 
-_Turn = tuple[LightFit, LightFit]  # of the first light, and of the other beside it
+_Fits = tuple[LightFit, LightFit]  # of the first light, and of the other, each beside the other
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,123 +57,125 @@ def second_light(
     """
     began = time.perf_counter()
     yield Progress(0.0, _MESSAGE)
+    begun = [] if explained(only, here.samples) else likely_pairs(sight, here, only, effort, places)
+    fits, gain = None, 0.0
+    if begun:
+        # Of many pairs few samples tell the best.
+        some = here.first(effort.fit_samples)
+        fits, gain = yield from _best_of(sight, some, only.light, begun, effort)
+    if fits:
+        here = here.first(2 * effort.fit_samples)
+        one = yield from watched(_alone(sight, here, only.light, effort), 0.5, 0.55, _MESSAGE)
+        fits, gain = yield from _improved(sight, here, one, fits, effort)
+    pair = None
+    if fits and not _one_light(fits) and _explains(sight, here, one, fits, effort, places_tried(places)):
+        pair = _brighter_first(sight, here, fits, effort)
+    return pair, Candidate(NAME, -gain, time.perf_counter() - began)
 
-    def considered(gain: float) -> Candidate:
-        return Candidate(NAME, -gain, time.perf_counter() - began)
 
-    if explained(only, here.samples):
-        return None, considered(0.0)
-    weight = here.samples.weight
-    level = float(np.average(brightness(here.samples), weights=weight))
-    begun = _pairs(sight, here, only, effort, places)
-    if not begun:
-        return None, considered(0.0)
-    count, rays = 2 * effort.fit_samples, effort.polish_rays
+def _alone(sight: Sight, here: Asked, light: Light, effort: Effort) -> Generator[float, None, LightFit]:
+    return fit_light(here.problem(sight, len(here.samples), effort.polish_rays), light, iterations=3)
 
-    def fitted(light: Light, beside: Light, begin: float, end: float) -> Generator[Progress, None, LightFit]:
-        problem = here.beside(sight, beside, rays).problem(sight, count, rays)
-        steps = fit_light(problem, light, iterations=10, tolerance=effort.tolerance)
+
+def _best_of(
+    sight: Sight, here: Asked, only: Light, begun: Sequence[tuple[Light, Light]], effort: Effort
+) -> Generator[Progress, None, tuple[_Fits | None, float]]:
+    """The pair that explains most, where that is not hopelessly little more than one light does; and how much."""
+    problem = here.problem(sight, len(here.samples), effort.polish_rays)
+    one = yield from watched(_alone(sight, here, only, effort), 0.05, 0.1, _MESSAGE)
+    tried: list[_Fits] = []
+    for number, (main, other) in enumerate(begun):
+        steps = fit_pair(problem, main, other, iterations=_FIRST_LOOK, tolerance=effort.tolerance)
+        share = 0.4 / len(begun)
+        fits = yield from watched(steps, 0.1 + number * share, 0.1 + (number + 1) * share, _MESSAGE)
+        if not _one_light(fits):
+            tried.append(fits)
+    if not tried:
+        return None, 0.0
+    best = min(tried, key=_left)
+    gain = one.score - _left(best)
+    return best if gain > _HOPELESS else None, gain
+
+
+def _improved(
+    sight: Sight, here: Asked, one: LightFit, fits: _Fits, effort: Effort
+) -> Generator[Progress, None, tuple[_Fits | None, float]]:
+    """A pair fitted to all samples, from all round either light; None where that explains hopelessly little."""
+    count, rays = len(here.samples), effort.polish_rays
+    problem = here.problem(sight, count, rays)
+
+    def fitted(which: int, light: Light, begin: float, end: float) -> Generator[Progress, None, _Fits]:
+        """The pair with another light in one's place."""
+        main, other = (light, fits[1].light) if which == 0 else (fits[0].light, light)
+        steps = fit_pair(problem, main, other, iterations=_STEPS, tolerance=effort.tolerance)
         return (yield from watched(steps, begin, end, _MESSAGE))
 
-    def in_turn(main: Light, other: Light, turns: int, begin: float, end: float) -> Generator[Progress, None, _Turn]:
-        for turn in range(turns):
-            since, half = begin + (end - begin) * turn / turns, 0.5 * (end - begin) / turns
-            second = yield from fitted(other, main, since, since + half)
-            first_one = yield from fitted(main, second.light, since + half, since + 2 * half)
-            main, other = first_one.light, second.light
-        return first_one, second
-
-    alone = fit_light(here.problem(sight, count, rays), only.light, iterations=3)
-    one = yield from watched(alone, 0.0, 0.05, _MESSAGE)
-    tried = []
-    for number, (light, beside) in enumerate(begun):
-        begin, share = 0.05 + 0.45 * number / len(begun), 0.45 / len(begun)
-        pair = yield from in_turn(light, beside, 1, begin, begin + share)
-        if not _one_light(pair[0].light, pair[1].light):
-            tried.append(pair)
-    if not tried or one.score - min(main.score for main, _ in tried) < _HOPELESS:
-        return None, considered(max((one.score - main.score for main, _ in tried), default=0.0))
-    main, other = min(tried, key=lambda pair: pair[0].score)
-    main, other = yield from in_turn(main.light, other.light, _TURNS, 0.5, 0.8)
-    main = yield from _near(sight, here, main.light, other.light, effort, (0.8, 0.85))
-    other = yield from _near(sight, here, other.light, main.light, effort, (0.85, 0.9))
-    main = yield from fitted(main.light, other.light, 0.9, 0.95)
-    other = yield from fitted(other.light, main.light, 0.95, 1.0)
-    gain = one.score - other.score
-    if _one_light(main.light, other.light):
-        return None, considered(gain)
-    more = np.average(one.residual**2 - other.residual**2, weights=weight[:count])
-    both = here.beside(sight, main.light, rays)
-    problem = both.problem(sight, count, rays)
-    told = independent_count(problem, at_rest(other, problem))
-    # Of many pairs the best was chosen, which costs as well.
-    pairs = comb(1 + _STARTS + _SUNS + len(places), 2)
-    price = (coordinates(other.light) + 1) * np.log(told) + 2 * np.log(pairs)
-    if gain < _GAIN or more < (_MUCH * level) ** 2 or 2 * told * gain < price:
-        return None, considered(gain)
-    left = other.score
-    if other.around[-1] * both.others.mean() <= other.shading.mean():
-        main, other = other, main
-        problem = here.beside(sight, main.light, rays).problem(sight, count, rays)
-    return Pair(main, with_covariance(problem, other), left), considered(gain)
+    fits = yield from fitted(0, fits[0].light, 0.55, 0.6)
+    if one.score - fits[0].score < _HOPELESS:
+        return None, one.score - fits[0].score
+    for which in (0, 1):
+        tried = []
+        for light in _near_suns(sight, fits[which].light):
+            tried.append((yield from fitted(which, light, 0.6, 0.65)))
+        best = min(tried, key=_left, default=fits)
+        fits = best if _left(fits) - _left(best) > _GAIN else fits
+    for turn in range(_TURNS):
+        before = _left(fits)
+        for which in (0, 1):
+            begin, share = 0.65 + 0.35 * (2 * turn + which) / (2 * _TURNS), 0.35 / (2 * _TURNS)
+            beside = here.beside(sight, fits[1 - which].light, rays).problem(sight, count, rays)
+            jumps = hopped(beside, fits[which].light, effort.jumps // 2, effort.tolerance)
+            found = yield from watched(jumps, begin, begin + 0.7 * share, _MESSAGE)
+            there = yield from fitted(which, found.light, begin + 0.7 * share, begin + share)
+            fits = min(fits, there, key=_left)
+        if before - _left(fits) < _SETTLED:
+            break
+    return fits, one.score - _left(fits)
 
 
-def _one_light(a: Light, b: Light) -> bool:
+def _left(fits: _Fits) -> float:
+    """What a pair leaves over: mean negative log likelihood."""
+    return fits[0].score
+
+
+def _near_suns(sight: Sight, light: Light) -> list[AreaLight]:
+    """Rectangles in a sun's direction."""
+    if not isinstance(light, SunLight):
+        return []
+    places = [sight.middle - by * sight.extent * light.normal for by in _DISTANCES]
+    return [facing(place, sight.middle, _SIDE * float(np.linalg.norm(place - sight.middle))) for place in places]
+
+
+def _one_light(fits: _Fits) -> bool:
     """Whether two lights overlap: two rectangles in one place draw softer shadows than one, with the rays of both."""
+    a, b = fits[0].light, fits[1].light
     if not isinstance(a, AreaLight) or not isinstance(b, AreaLight):
         return False
     return bool(np.linalg.norm(a.centre - b.centre) < 0.5 * (np.linalg.norm(a.size) + np.linalg.norm(b.size)))
 
 
-def _pairs(
-    sight: Sight, here: Asked, only: LightFit, effort: Effort, places: Sequence[Light]
-) -> list[tuple[Light, Light]]:
-    """Two places that explain the photo clearly better than one: with the light fitted alone, and without it."""
-    count = effort.refine_samples
-    samples = first(here.samples, count)
-    level = brightness(samples)
-
-    problem = here.problem(sight, count, _RAYS)
-    state = at_rest(only, problem)
-    beside_it = replace(samples, openness=state.shade * state.share + problem.around @ only.around)
-    found = find_starts(
-        Judge(beside_it, level, sight.visible, sight.extent, sight.far),
-        sight.hidden,
-        grid(sight.middle, effort.directions // 2),
-        grid(sight.middle, 2 * effort.directions),
-        count=_STARTS,
-        suns=_SUNS,
-        search_samples=effort.search_samples,
-        middle=sight.middle,
-    )
-    all_of = [only.light, *(start.light for start in found), *places]
-    lit = [problem.state(light, state.log_c, state.around, 1.0) for light in all_of]
-    fields = [one.shade * one.share for one in lit]
-
-    def left(*terms: Array) -> float:
-        """What terms (N,) leave over, each surface with its own share of each."""
-        together, residual = np.stack(terms, axis=1), level.copy()
-        for of in surfaces:
-            residual[of] -= together[of] @ several_terms(together[of], level[of], samples.weight[of])
-        return left_over(samples, level, residual)
-
-    surfaces = [np.flatnonzero(samples.surface == s) for s in np.unique(samples.surface)]
-    alone = [left(field, samples.openness) for field in fields]
-    pairs: dict[tuple[int, int], None] = {}
-    for around in ((), (samples.openness,)):
-        tried = {(i, j): left(fields[i], fields[j], *around) for i, j in combinations(range(len(fields)), 2)}
-        for with_it in (True, False):
-            those = [pair for pair in tried if (0 in pair) == with_it]
-            least = alone[0] if with_it else min(alone[1:], default=np.inf)
-            best = min(those, key=tried.__getitem__, default=None)
-            if best is not None and tried[best] < least - _WORTH_FITTING:
-                pairs[best] = None
-    return [(all_of[i], all_of[j]) for i, j in pairs]
+def _explains(sight: Sight, here: Asked, one: LightFit, fits: _Fits, effort: Effort, places: int) -> bool:
+    """Whether a pair explains much more than one light, by much of the photo and more than chance would."""
+    _, other = fits
+    samples = here.samples
+    gain = one.score - other.score
+    more = np.average(one.residual**2 - other.residual**2, weights=samples.weight)
+    level = float(np.average(brightness(samples), weights=samples.weight))
+    problem = _beside(sight, here, fits, effort).problem(sight, len(samples), effort.polish_rays)
+    told = independent_count(problem, at_rest(other, problem))
+    # Of many pairs the best was chosen, which costs as well.
+    price = (coordinates(other.light) + 1) * np.log(told) + 2 * np.log(comb(places, 2))
+    return bool(gain >= _GAIN and more >= (_MUCH * level) ** 2 and 2 * told * gain >= price)
 
 
-def _near(
-    sight: Sight, here: Asked, light: Light, beside: Light, effort: Effort, span: tuple[float, float]
-) -> Generator[Progress, None, LightFit]:
-    """The best fit near one of two lights."""
-    problem = here.beside(sight, beside, effort.polish_rays).problem(sight, 2 * effort.fit_samples, effort.polish_rays)
-    return (yield from watched(hopped(problem, light, effort.jumps // 2, effort.tolerance), *span, _MESSAGE))
+def _beside(sight: Sight, here: Asked, fits: _Fits, effort: Effort) -> Asked:
+    """What is asked, beside the first of two lights."""
+    return here.beside(sight, fits[0].light, effort.polish_rays)
+
+
+def _brighter_first(sight: Sight, here: Asked, fits: _Fits, effort: Effort) -> Pair:
+    main, other = fits
+    if other.around[-1] * _beside(sight, here, fits, effort).others.mean() <= other.shading.mean():
+        main, other = other, main
+    problem = _beside(sight, here, (main, other), effort).problem(sight, len(here.samples), effort.polish_rays)
+    return Pair(main, with_covariance(problem, other), other.score)

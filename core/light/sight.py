@@ -82,6 +82,10 @@ class Asked:
         share = visible_fraction(light, samples, sight.visible, rays, sight.far)
         return replace(self, others=(shading(light, samples.point, samples.normal) * share)[:, None])
 
+    def first(self, count: int) -> "Asked":
+        """The first `count` samples, and what reaches them."""
+        return replace(self, samples=first(self.samples, count), fields=self.fields[:count], others=self.others[:count])
+
     def under(self, ambient: Ambient) -> "Asked":
         """The same under an ambient that is no constant, where it was one."""
         openness = self.samples.openness * ambient.field
