@@ -19,7 +19,7 @@ LARGEST_ALBEDO = 0.8
 SCALE = "largest albedo channel 0.8, first light white: only strength times albedo can be seen"
 _COLOUR_GAIN = 0.02  # of the logarithm of what is left over: 2 % less
 _ROUNDS = 200
-_SETTLED = 1e-6
+_SETTLED, _ROUGHLY = 1e-6, 1e-3  # change of a round, of the unknowns
 _DIM = 0.25  # of the light a surface usually gets at its brightest
 _FEWEST = 24  # samples that tell a spread
 
@@ -41,14 +41,14 @@ def solve_radiometry(
     *,
     with_ambient: bool = True,
     bounced: Array | None = None,
-    any_colour: bool = False,
+    roughly: bool = False,
 ) -> Radiometry:
     """Solve for strengths, albedos and ambient.
 
     shading : (N, L) or (N, L, 3) of each light at unit strength, shadows included
     with_ambient : False holds the ambient at zero
     bounced : (N, 3) what other surfaces send, over the first light's strength
-    any_colour : of the ambient, whatever fits best: a quarter of the work
+    roughly : to a thousandth, with an ambient of whatever colour fits best: an eighth of the work
     Residuals beyond their surface's usual spread count less (soft-L1), so highlights and unmodelled things do not pull.
     The ambient gets a colour of its own only where that leaves clearly less over than the first light's colour does:
     the darkest pixels of textured surfaces say little about it, and a wrong one shows in every shadow.
@@ -56,24 +56,25 @@ def solve_radiometry(
     lit = np.repeat(shading[..., None], 3, axis=2) if shading.ndim == 2 else shading.copy()
     if bounced is not None:
         lit[:, 0] += bounced
-    coloured = _solve(samples, lit, samples.openness * float(with_ambient))
-    if any_colour or not np.any(coloured.ambient > 0):
+    settled = _ROUGHLY if roughly else _SETTLED
+    coloured = _solve(samples, lit, samples.openness * float(with_ambient), settled)
+    if roughly or not np.any(coloured.ambient > 0):
         return coloured
     plain = _with_plain_ambient(samples, lit, coloured)
     return coloured if left_over(samples, coloured) < left_over(samples, plain) - _COLOUR_GAIN else plain
 
 
-def _solve(samples: Samples, shading: Array, ambient: Array) -> Radiometry:
+def _solve(samples: Samples, shading: Array, ambient: Array, settled: float) -> Radiometry:
     """Solve for lights of shading (N, L, 3) and an ambient of shading (N,) and any colour."""
     terms = np.concatenate([shading, np.repeat(ambient[:, None, None], 3, axis=2)], axis=1)
     parts = np.zeros((3, terms.shape[1]))
     albedo = np.zeros((3, len(samples.names)))
     converged = True
     for channel in range(3):
-        parts[channel], albedo[channel], settled = _solve_channel(
-            samples, terms[..., channel], samples.colour[:, channel]
+        parts[channel], albedo[channel], at_rest = _solve_channel(
+            samples, terms[..., channel], samples.colour[:, channel], settled
         )
-        converged &= settled
+        converged &= at_rest
     residual = samples.colour - albedo.T[samples.surface] * np.einsum("ntc,ct->nc", terms, parts)
     scale = np.max(albedo) / LARGEST_ALBEDO if np.any(albedo > 0) else 1.0
     return Radiometry(
@@ -90,7 +91,7 @@ def _with_plain_ambient(samples: Samples, shading: Array, coloured: Radiometry) 
 
     def with_share(ratio: float) -> Radiometry:
         first = shading[:, :1] + ratio * samples.openness[:, None, None]
-        found = _solve(samples, np.concatenate([first, shading[:, 1:]], axis=1), np.zeros(len(samples)))
+        found = _solve(samples, np.concatenate([first, shading[:, 1:]], axis=1), np.zeros(len(samples)), _SETTLED)
         return replace(found, ambient=ratio * found.strengths[0])
 
     lit = coloured.strengths[0] > 0
@@ -109,7 +110,7 @@ def left_over(samples: Samples, found: Radiometry) -> float:
     return total / float(samples.weight.sum())
 
 
-def _solve_channel(samples: Samples, terms: Array, value: Array) -> tuple[Array, Array, bool]:
+def _solve_channel(samples: Samples, terms: Array, value: Array, settled: float) -> tuple[Array, Array, bool]:
     """One channel: parts (L + 1,), the first light's at 1; albedo times its strength (S,); whether it settled."""
     from scipy.optimize import nnls
 
@@ -130,7 +131,7 @@ def _solve_channel(samples: Samples, terms: Array, value: Array) -> tuple[Array,
         before = np.concatenate([parts, product])
         parts = solution / solution[0]
         product = _per_surface(samples, terms @ parts, value, weight, surfaces)
-        if np.allclose(np.concatenate([parts, product]), before, rtol=_SETTLED, atol=_SETTLED * product.max()):
+        if np.allclose(np.concatenate([parts, product]), before, rtol=settled, atol=settled * product.max()):
             return parts, product, True
     return parts, product, False
 

@@ -266,7 +266,7 @@ def _guessed(
     """A rough solve, and how bright what the photo does not show is."""
     guess = _Guess(np.full((len(samples.names) + _SIDES, 3), _USUAL), np.ones((shading.shape[1], 3)), np.zeros(3))
     for _ in range(_EXCHANGES):
-        found, _, guess = _solved_once(samples, shading, bounces, share, with_ambient, guess, any_colour=True)
+        found, _, guess = _solved_once(samples, shading, bounces, share, with_ambient, guess, roughly=True)
     return found, guess
 
 
@@ -287,7 +287,7 @@ def _solved_once(
     with_ambient: bool,
     guess: _Guess,
     *,
-    any_colour: bool = False,
+    roughly: bool = False,
 ) -> tuple[Radiometry, Array, _Guess]:
     """As `_solved`, with what the photo does not show as bright as a guess makes it; and a better guess."""
     around, factor, surfaces = bounces.around, bounces.factor or 0.0, len(samples.names)
@@ -305,7 +305,7 @@ def _solved_once(
     terms = [shading[..., None] * np.ones(3), *(share[:, None, None] * field[:, None] for field in foreign.values())]
     bounced = share[:, None] * sent
     lit = np.concatenate(terms, axis=1)
-    found = solve_radiometry(samples, lit, with_ambient=with_ambient, bounced=bounced, any_colour=any_colour)
+    found = solve_radiometry(samples, lit, with_ambient=with_ambient, bounced=bounced, roughly=roughly)
     own, others = np.split(found.strengths, [shading.shape[1]])
     power = np.maximum(own[0], 1e-300)
     albedo = guess.albedo.copy()
@@ -342,7 +342,7 @@ def _factor(samples: Samples, shading: Array, bounces: Bounces, with_ambient: bo
     def left(factor: float) -> float:
         return left_over(some, _guessed(some, lit, replace(near, factor=factor), np.ones(len(some)), with_ambient)[0])
 
-    bare = solve_radiometry(some, lit, with_ambient=with_ambient, any_colour=True)
+    bare = solve_radiometry(some, lit, with_ambient=with_ambient, roughly=True)
     product = float(np.average((bare.strengths[0] * bare.albedo[some.surface]).mean(axis=1), weights=some.weight))
     if product <= 0:
         return 0.0, False
