@@ -49,7 +49,7 @@ _RESPONSE_ROUNDS = 2  # of light and response in turn
 EFFORTS = {
     "draft": Effort(1500, 4000, 600, 400, 24, 16, 150, 300, 100, 3, 2, 1, 1e-3, 0, 6),
     "standard": Effort(4000, 12000, 1600, 800, 64, 16, 250, 600, 240, 6, 3, 2, 3e-4, 0, 30),
-    "accurate": Effort(10000, 30000, 5000, 2500, 144, 64, 400, 1200, 400, 8, 4, 3, 1e-4, 4, 45),
+    "accurate": Effort(10000, 30000, 5000, 2500, 144, 64, 400, 1200, 400, 8, 4, 3, 1e-4, 4, 30),
 }
 QUALITIES = tuple(EFFORTS)
 

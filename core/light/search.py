@@ -37,6 +37,7 @@ from .sight import Asked, Effort, Sight, asked
 from .starts import Judge, Start, find_starts
 from .thesis_minimisers import fit_light_bfgs, fit_light_powell
 
+_RAYS = 32  # of the fits that tell the models, at most: the chosen one is fitted on
 _IN_THE_RUNNING = 0.1  # of negative log likelihood a sample: starts that end farther behind are given up
 _AS_WELL = 0.05  # of the same: what a second light may explain less than several albedos a surface do
 _FIRST_RADIUS = 0.02  # of a point's distance
@@ -196,7 +197,7 @@ def _finals(
     sight: Sight, here: Asked, effort: Effort, tried: Sequence[tuple[str, Light, bool]], solver: str
 ) -> Generator[Progress, None, tuple[str, LightFit, tuple[Candidate, ...]]]:
     """Fine fits of each model, and which is chosen."""
-    fine = here.problem(sight, 2 * effort.fit_samples, effort.polish_rays)
+    fine = here.problem(sight, 2 * effort.fit_samples, min(effort.polish_rays, _RAYS))
     dense = here.problem(sight, 2 * effort.fit_samples, 1)
     begun = yield from shifted(_led(dense, tried), 0.0, 0.4)
     fits: list[tuple[str, LightFit, Candidate]] = []

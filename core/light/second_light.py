@@ -27,6 +27,7 @@ _GAIN = 0.1  # of negative log likelihood a sample: what the second light has to
 # half of that is soon explained.
 _MUCH = 0.02
 _HOPELESS = 0.05  # of negative log likelihood a sample: a pair that explains less is given up early
+_FEW_RAYS = 8  # of a pair's first look, at most
 _FIRST_LOOK, _STEPS = 6, 20  # steps of a pair's fit, to half of the samples and to all
 _TURNS = 3  # of both lights
 _SETTLED = 0.02  # of negative log likelihood a sample: a turn that explains no more is the last
@@ -60,12 +61,13 @@ def second_light(
     begun = [] if explained(only, here.samples) else likely_pairs(sight, here, only, effort, places)
     fits, gain = None, 0.0
     if begun:
-        # Of many pairs few samples tell the best.
+        # Of many pairs few samples and rays tell the best.
         some = here.first(effort.fit_samples)
         fits, gain = yield from _best_of(sight, some, only.light, begun, effort)
     if fits:
         here = here.first(2 * effort.fit_samples)
-        one = yield from watched(_alone(sight, here, only.light, effort), 0.5, 0.55, _MESSAGE)
+        alone = fit_light(here.problem(sight, len(here.samples), effort.polish_rays), only.light, iterations=3)
+        one = yield from watched(alone, 0.5, 0.55, _MESSAGE)
         fits, gain = yield from _improved(sight, here, one, fits, effort)
     pair = None
     if fits and not _one_light(fits) and _explains(sight, here, one, fits, effort, places_tried(places)):
@@ -73,16 +75,12 @@ def second_light(
     return pair, Candidate(NAME, -gain, time.perf_counter() - began)
 
 
-def _alone(sight: Sight, here: Asked, light: Light, effort: Effort) -> Generator[float, None, LightFit]:
-    return fit_light(here.problem(sight, len(here.samples), effort.polish_rays), light, iterations=3)
-
-
 def _best_of(
     sight: Sight, here: Asked, only: Light, begun: Sequence[tuple[Light, Light]], effort: Effort
 ) -> Generator[Progress, None, tuple[_Fits | None, float]]:
     """The pair that explains most, where that is not hopelessly little more than one light does; and how much."""
-    problem = here.problem(sight, len(here.samples), effort.polish_rays)
-    one = yield from watched(_alone(sight, here, only, effort), 0.05, 0.1, _MESSAGE)
+    problem = here.problem(sight, len(here.samples), min(effort.polish_rays, _FEW_RAYS))
+    one = yield from watched(fit_light(problem, only, iterations=3), 0.05, 0.1, _MESSAGE)
     tried: list[_Fits] = []
     for number, (main, other) in enumerate(begun):
         steps = fit_pair(problem, main, other, iterations=_FIRST_LOOK, tolerance=effort.tolerance)
