@@ -15,6 +15,7 @@ from ..core.errors import ReshadeError
 from ..core.types import Array, Mask
 
 SOLID = {"MESH", "CURVE", "SURFACE", "META", "FONT"}
+_AT_ONCE = 512  # rays whose lists the processor's cache holds
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,10 +159,13 @@ class RayCaster:
 
     def visible(self, points: Array, targets: Array) -> Mask:
         """Whether nothing lies on each open segment between points (M, 3) and targets (M, 3): `types.Visible`."""
-        away = targets - points
-        starts = (points - self._middle).tolist()
-        hits = map(self._tree.ray_cast, starts, away.tolist(), np.linalg.norm(away, axis=1).tolist())
-        return np.array([hit[2] is None for hit in hits], dtype=bool)
+        away, starts = targets - points, points - self._middle
+        distance, free = np.linalg.norm(away, axis=1), np.empty(len(points), dtype=bool)
+        for begin in range(0, len(points), _AT_ONCE):
+            some = slice(begin, begin + _AT_ONCE)
+            hits = map(self._tree.ray_cast, starts[some].tolist(), away[some].tolist(), distance[some].tolist())
+            free[some] = [hit[2] is None for hit in hits]
+        return free
 
     def meet(self, triangle: NDArray[np.int64], origin: Array, directions: Array) -> tuple[Array, Array]:
         """Where rays meet the planes of the triangles (M,) they hit: points (M, 3), barycentric weights (M, 3)."""
