@@ -124,9 +124,13 @@ def show(name: str, demo: Demo) -> str:
         reshade("estimate", "--scene", scene, "--photo", photo_path, *demo.options,
                 "--output", solved, "--report", report_path)  # fmt: skip
         python("edits", name, solved, folder, str(demo.samples))
-        for key in demo.edits:
-            target = folder / f"{key}.exr"
-            reshade("render", "--scene", folder / f"{key}.blend", "--output", target, "--samples", str(demo.samples))
+        with ThreadPoolExecutor() as pool:  # one's start-up, which is one thread, beside another's render
+
+            def reshaded(key: str) -> None:
+                scene, target = folder / f"{key}.blend", folder / f"{key}.exr"
+                reshade("render", "--scene", scene, "--output", target, "--samples", str(demo.samples))
+
+            list(pool.map(reshaded, demo.edits))
 
         report = json.loads(report_path.read_text())
         photo, rendered = read_photo(photo_path).linear, read_linear(folder / "rendered.exr")
