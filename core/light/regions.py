@@ -9,6 +9,7 @@ from ..photo.segmentation import Labels, at_samples, by_albedo, in_segments
 from ..progress import watched
 from ..types import Light, Progress, Samples
 from .fit import LightFit, fit_light
+from .hopping import hopped
 from .sight import Asked, Effort, Sight
 
 _GAIN = 0.1  # of negative log likelihood a sample: what several albedos a surface have to explain
@@ -44,9 +45,14 @@ def divided(
     parts = here.divided(regions(sight, here, apart, rays, label))
     if len(parts.samples.names) == len(here.samples.names):
         return None
-    whole = yield from fitted(here, light, 0.4, 0.7)
-    better = yield from fitted(parts, apart.light, 0.7, 1.0)
-    return Divided(parts, better.light) if whole.score - better.score > _GAIN else None
+    whole = yield from fitted(here, light, 0.4, 0.5)
+    better = yield from fitted(parts, apart.light, 0.5, 0.6)
+    if whole.score - better.score <= _GAIN:
+        return None
+    # The light was found with the albedos' edges in the way, so what is near has its turn.
+    jumps = hopped(parts.problem(sight, count, rays), better.light, effort.jumps, effort.tolerance)
+    better = yield from watched(jumps, 0.6, 1.0, message)
+    return Divided(parts, better.light)
 
 
 def regions(sight: Sight, here: Asked, fit: LightFit, rays: int, label: Labels) -> Samples:
