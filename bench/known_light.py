@@ -15,7 +15,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from ..core.materials.solve import Card
+from ..core.materials.scale import Card
 from ..core.progress import drain
 from ..core.radiance.lights import strength_of, with_strength
 from ..core.types import Array

@@ -9,13 +9,13 @@ import numpy as np
 from .color import linear_to_srgb
 from .light.ambient import CONSTANT, NAMES, Ambient
 from .materials.radiometric import SCALE
+from .materials.scale import textured_surfaces
 from .materials.solve import Materials
 from .photo.noise import noise_of
 from .photo.segmentation import whole
 from .radiance.lights import with_strength
 from .types import AmbientLevel, Candidate, Estimate, Light, Photo, Samples, Surface, Uncertainty
 
-_TEXTURED = 0.08  # robust spread of a surface's residual over its mean: more is texture, not noise
 _UNTRUSTED = 0.6  # share of the photo's variation left over, above which no light explains it
 
 
@@ -93,17 +93,16 @@ def assembled(
     mean = np.average(samples.colour, axis=0, weights=weight)
     left = np.average((residual**2).sum(axis=1), weights=weight)
     all_of_it = np.average(((samples.colour - mean) ** 2).sum(axis=1), weights=weight)
-    surfaces, warnings = [], []
+    surfaces, warnings, textured = [], [], textured_surfaces(samples, radiometry)
     for i, name in enumerate(samples.names):
         of = samples.surface == i
         if not of.any():
             warnings.append(f"{name}: no usable pixel shows it, so its material stays as it was.")
             continue
-        level = np.average(samples.colour[of].mean(axis=1), weights=weight[of])
-        spread = 1.4826 * float(np.median(np.abs(residual[of].mean(axis=1))))
-        textured = bool(spread > _TEXTURED * max(level, 1e-12))
         gloss = materials.gloss[i]
-        surfaces.append(Surface(name, radiometry.albedo[i], int(of.sum()), textured, gloss.strength, gloss.width))
+        surfaces.append(
+            Surface(name, radiometry.albedo[i], int(of.sum()), bool(textured[i]), gloss.strength, gloss.width)
+        )
     message = ""
     if not radiometry.albedo.any() or not any(s.any() for s in radiometry.strengths):
         message = "No light of positive strength explains the photo: check the camera and the geometry"

@@ -18,7 +18,7 @@ import numpy as np
 
 from ..core.errors import ReshadeError
 from ..core.light.hints import FORMS, parse
-from ..core.materials.solve import Card
+from ..core.materials.scale import Card
 from ..core.photo.response import straightened
 from ..core.progress import drain
 from ..core.types import AreaLight, Photo, Progress

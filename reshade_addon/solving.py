@@ -11,7 +11,7 @@ import numpy as np
 
 from ..core.errors import NothingToLearn, ReshadeError
 from ..core.light.hints import Hint
-from ..core.materials.solve import Card
+from ..core.materials.scale import Card
 from ..core.photo.response import straightened
 from ..core.pipeline import estimate, solve
 from ..core.progress import shifted

@@ -5,7 +5,7 @@ from collections.abc import Generator
 import bpy
 import numpy as np
 
-from ...core.materials.solve import Card
+from ...core.materials.scale import Card
 from ...core.types import Progress
 from .. import missing, solving
 from ..jobs import Job

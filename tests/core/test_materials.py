@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from core.assembly import united
-from core.materials.solve import Bounces, absolute, borne_out, falling, solve_materials
+from core.materials.bounces import Bounces, falling
+from core.materials.solve import absolute, borne_out, solve_materials
 from core.pipeline import solve
 from core.progress import drain
 from core.radiance.interreflection import gather
@@ -90,7 +91,7 @@ def test_what_the_photo_does_not_show_is_lit_by_its_surroundings():
     bounces = Bounces(around, falling(around, [light], visible, 100.0), 1 / STRENGTH, told=True)
     lit = direct[:, None]
     steps = solve_materials(seen, [light], lit, np.ones_like(lit), with_ambient=False, bounces=bounces, rounds=0)
-    found, _ = absolute(drain(steps))
+    found, _ = absolute(drain(steps), seen)
     # What a sample receives from the others is known from 128 rays.
     np.testing.assert_allclose(found.radiometry.albedo, np.array([[LOWER], [UPPER]]) * np.ones(3), rtol=0.03)
     np.testing.assert_allclose(found.radiometry.strengths, STRENGTH, rtol=0.03)

@@ -49,7 +49,7 @@ def test_under_sun_and_sky_a_new_shadow_is_as_bright_as_those_of_the_photo(
     write.set_strength(lamp, types.SunLight(sun.normal, np.ones(3)))
     scene.world = None
     solving = load("reshade_addon.solving")
-    card = load("core.materials.solve").Card("Floor", np.array([0.6, 0.55, 0.5]))
+    card = load("core.materials.scale").Card("Floor", np.array([0.6, 0.55, 0.5]))
     solution = drain(solving.solve_materials(scene, photo, quality="standard", card=card))
     image = load("reshade_addon.photo_image").picture_image("photo", photo.linear)
     solving.apply(scene, image, solution)

@@ -28,7 +28,7 @@ def glossy(tabletop, lamp, load, drain):
 
 @pytest.fixture
 def card(load):
-    return lambda name, albedo: load("core.materials.solve").Card(name, np.array(albedo))
+    return lambda name, albedo: load("core.materials.scale").Card(name, np.array(albedo))
 
 
 def test_gloss_and_albedo_under_the_true_light(glossy, load, drain, card):
