@@ -19,8 +19,10 @@ from .light.search import Searched, search, with_second, without_highlights
 from .light.sight import Asked, Effort, Sight, asked, look
 from .light.uncertainty import uncertainty_of
 from .materials.ambient import richer_ambient
+from .materials.bounces import Bounces, falling
 from .materials.radiometric import left_over
-from .materials.solve import Bounces, Card, Materials, absolute, falling, in_regions, solve_materials
+from .materials.scale import Card
+from .materials.solve import Materials, absolute, in_regions, solve_materials
 from .photo.response import straightened
 from .photo.segmentation import at_samples, cut
 from .progress import shifted, watched
@@ -47,9 +49,9 @@ _RESPONSE_ROUNDS = 2  # of light and response in turn
 
 
 EFFORTS = {
-    "draft": Effort(1500, 4000, 600, 400, 24, 16, 150, 300, 100, 3, 2, 1, 1e-3, 0, 6),
-    "standard": Effort(4000, 12000, 1600, 800, 64, 16, 250, 600, 240, 6, 3, 2, 3e-4, 0, 30),
-    "accurate": Effort(10000, 30000, 5000, 2500, 144, 64, 400, 1200, 400, 8, 4, 3, 1e-4, 4, 30),
+    "draft": Effort(1500, 4000, 600, 400, 24, 16, 16, 150, 300, 100, 3, 2, 1, 1e-3, 0, 6),
+    "standard": Effort(4000, 12000, 1600, 800, 64, 16, 64, 250, 600, 240, 6, 3, 2, 3e-4, 4, 24),
+    "accurate": Effort(10000, 30000, 5000, 2500, 144, 64, 144, 400, 1200, 400, 8, 4, 3, 1e-4, 8, 30),
 }
 QUALITIES = tuple(EFFORTS)
 
@@ -133,11 +135,11 @@ def estimate(
             here = here.under(there.ambient)
             told = _materials(sight, here, (fit.light, *others), quality, bounce=found.bounce)
             materials = yield from shifted(told, 0.92, 0.94)
-    fit = yield from shifted(finished(sight, there, fit, effort), 0.94, 0.97)
-    if effort.last_steps:
+    before, fit = fit, (yield from shifted(finished(sight, there, fit, effort), 0.94, 0.97))
+    if fit.light is not before.light:
         told = _materials(sight, here, (fit.light, *others), quality, bounce=found.bounce)
         materials = yield from shifted(told, 0.97, 1.0)
-    materials, scale = absolute(materials)
+    materials, scale = absolute(materials, here.samples)
     clock.mark("solve")
     lights = (fit.light, *others)
     sure = tuple(uncertainty_of(one, reach_of(one.light, sight.middle)) for one in (fit, found.second) if one)
@@ -197,7 +199,7 @@ def solve(
         here = here.under(ambient)
         materials = yield from shifted(_materials(sight, here, lights, quality, card), 0.8, 1.0)
     if card is None:
-        materials, scale = absolute(materials)
+        materials, scale = absolute(materials, here.samples)
     else:
         scale = f"the albedo of {card.name} is {', '.join(f'{x:g}' for x in card.albedo)}"
     clock.mark("solve")

@@ -16,7 +16,7 @@ from ..progress import shifted, watched
 from ..radiance.lights import coordinates, resized
 from ..types import AreaLight, Array, Candidate, Progress, Samples
 from .ambient import NAMES, Ambient, Basis, Solved, by_region, constant, fitted, gain, smooth_bases, solved
-from .fit import LightFit, at_rest
+from .fit import LightFit, at_rest, rays_worth
 from .model_choice import independent_count
 from .polish import polished
 from .problem import Problem, State, model_jacobian, score
@@ -41,6 +41,8 @@ def with_richer_ambient(
     yield Progress(0.0, _MESSAGE)
     began = time.perf_counter()
     count, rays = min(2 * effort.fit_samples, len(here.samples)), effort.polish_rays
+    rays = max(rays, rays_worth(fit, here.problem(sight, len(here.samples), rays), effort.most_rays))
+    effort = replace(effort, polish_rays=rays)
     problem = here.problem(sight, count, rays)
     state = at_rest(fit, problem)
     slopes = _slopes(problem, state)

@@ -32,6 +32,10 @@ _PROBE_UNIT = 0.02  # of a step: shadows are probed that much farther for each
 _LARGEST_LOG_STEP = 2.0  # of a strength
 _MOST, _NEXT_TO_NOTHING = 0.9, 0.01  # of the samples, and of their mean brightness: see `explained`
 _LEAST_STRENGTH = 1e-300  # whose logarithm is a number
+_ONE_RAY, _BY_RAYS = (
+    0.5,
+    0.75,
+)  # noise of a half lit sample with one ray, and the power of their number that it falls by
 
 
 S = TypeVar("S")
@@ -129,6 +133,18 @@ def explained(fit: LightFit, samples: Samples) -> bool:
     most = square <= weighted_quantile(square, weight, _MOST)
     left = np.average(np.where(most, square, 0.0), weights=weight)
     return bool(left < (_NEXT_TO_NOTHING * np.average(brightness(samples), weights=weight)) ** 2)
+
+
+def rays_worth(fit: LightFit, problem: Problem, most: int) -> int:
+    """As many rays, up to `most`, as err in a penumbra by no more than the fit leaves over elsewhere; at least one.
+
+    Where a photo is explained but for its noise, few rays hide what tells the light's sides; where things are not as
+    modelled, more of them tell nothing.
+    """
+    weight = problem.samples.weight
+    left = weighted_quantile(np.abs(fit.residual), weight, _MOST) / 1.6449
+    off = max(left / max(float(np.average(problem.brightness, weights=weight)), 1e-300), 1e-6)
+    return int(np.clip((_ONE_RAY / off) ** (1 / _BY_RAYS), 1, most))
 
 
 def search_light(problem: Problem, light: Light, *, widest: float, finest: float) -> Generator[float, None, Light]:

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..radiance.lights import moved, reach_of, resized
 from ..types import AreaLight, Light
-from .fit import LightFit, at_rest, fit_light
+from .fit import LightFit, at_rest, fit_light, rays_worth, result_of
 from .model_choice import independent_count
 from .problem import Problem
 
@@ -22,15 +22,17 @@ _NEAR_AND_FAR = (0.4, 1.0, 2.5)  # of the step, in turn
 _FIRST_LOOK, _MORE = 5, 8  # steps of a fit: after the first one that is far behind is given up
 _IN_THE_RUNNING = 0.1  # of negative log likelihood a sample,
 _UNLIKELY = 10.0  # and of that of all samples, by those that are independent
-_RAYS = 8  # of a jump, at most
+_RAYS = 8  # of a jump, at least
 _LEAST, _ASKED = 800, 3.0  # samples of a jump: at least, and for each that is independent
 _PATIENCE = 1 / 3  # of the jumps: so many in a row that find nothing clearly better are the last
 
 
-def hopped(problem: Problem, light: Light, jumps: int, tolerance: float) -> Generator[float, None, LightFit]:
+def hopped(
+    problem: Problem, light: Light, jumps: int, tolerance: float, most_rays: int
+) -> Generator[float, None, LightFit]:
     """Fit from a light, and jump from there where it is a rectangle; yields losses and returns the best fit.
 
-    jumps : at most; tolerance : of each fit, as `fit_light`
+    jumps : at most; tolerance : of each fit, as `fit_light`; most_rays : a sample, where they are worth it
     Where residuals of many samples say the same, few are asked of a jump. Clearly better is what makes the photo e
     times as likely, by as many samples as are independent: where much is not as modelled, every other jump finds a
     light that explains a little more.
@@ -40,7 +42,11 @@ def hopped(problem: Problem, light: Light, jumps: int, tolerance: float) -> Gene
         return begun
     told = independent_count(problem, at_rest(begun, problem))
     promising = min(_IN_THE_RUNNING, _UNLIKELY / told)
-    some = replace(problem.first(int(max(_LEAST, _ASKED * told))), rays=min(problem.rays, _RAYS))
+    rays = rays_worth(begun, problem, most_rays)
+    some = replace(problem.first(int(max(_LEAST, _ASKED * told))), rays=max(rays, _RAYS))
+    if rays > problem.rays:
+        problem = replace(problem, rays=rays)
+        begun = result_of(problem, at_rest(begun, problem), begun.iterations, begun.converged)
     fit = yield from fit_light(some, begun.light, iterations=_MORE, tolerance=tolerance)
     random, idle = np.random.default_rng(0), 0
     for number in range(jumps):
@@ -57,8 +63,7 @@ def hopped(problem: Problem, light: Light, jumps: int, tolerance: float) -> Gene
                 more = yield from fit_light(some, found.light, iterations=_MORE, tolerance=tolerance)
                 found = min(found, more, key=lambda one: one.score)
             if found.score < fit.score - 1 / told:
-                idle = 0
-            fit = min(fit, found, key=lambda one: one.score)
+                fit, idle = found, 0
         if idle >= _PATIENCE * jumps:
             break
     fit = yield from fit_light(problem, fit.light, iterations=_MORE, tolerance=tolerance)

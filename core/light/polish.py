@@ -17,12 +17,14 @@ from ..radiance.interreflection import patch_radiance
 from ..radiance.lights import incidence, reach_of
 from ..radiance.visibility import settled
 from ..types import Light, Progress, Samples
-from .fit import LightFit, fit_light, with_covariance
+from .fit import LightFit, fit_light, rays_worth, with_covariance
 from .refinement import refined
 from .regions import regions
 from .sight import Asked, Effort, Sight, fields_along
 
-_LAST_RAYS, _SLOPE_RAYS = 512, 128  # of the last steps: less noise than 1 % of what a penumbra shows
+_LAST_RAYS = 1024  # of the last steps, at most: less noise than 1 % of what a penumbra shows
+_SLOPES = 2  # times as many rays in each of two sets of slopes as in other fits
+_WORTH_IT = 64  # rays a sample, for last steps to be taken: a photo explained to 2 % or so
 _LAST_SAMPLES = 4000  # half of them in penumbrae: their rays are what takes time
 _REGION_ROUNDS = 5  # of regions and light in turn
 _BOUNCE_ROUNDS = 2  # of what the photo does not show, by the light found
@@ -72,13 +74,15 @@ def polished_with_regions(
 
 
 def finished(sight: Sight, here: Asked, fit: LightFit, effort: Effort) -> Generator[Progress, None, LightFit]:
-    """The polished fit after its last steps, if the effort has any, and how sure it is."""
-    if effort.last_steps:
-        problem = here.problem(sight, min(len(here.samples), _LAST_SAMPLES), _LAST_RAYS)
-        last = refined(problem, fit, iterations=effort.last_steps, slope_rays=_SLOPE_RAYS)
-        fit = yield from watched(last, 0.0, 0.9, "Asking penumbrae with more rays")
+    """The polished fit after its last steps, if the effort has any and the photo is worth them, and how sure it is."""
+    problem = here.problem(sight, len(here.samples), effort.polish_rays)
+    rays = rays_worth(fit, problem, _LAST_RAYS)
+    if effort.last_steps and rays >= _WORTH_IT:
+        few = replace(problem.first(_LAST_SAMPLES), rays=rays)
+        last = refined(few, fit, iterations=effort.last_steps, slope_rays=min(rays, _SLOPES * effort.fit_rays))
+        fit, problem = (yield from watched(last, 0.0, 0.9, "Asking penumbrae with more rays")), few
     yield Progress(0.9, "Finding out how sure this is")
-    problem, around = here.apart(here.problem(sight, len(here.samples), effort.polish_rays), fit.around)
+    problem, around = here.apart(problem, fit.around)
     return replace(fit, covariance=with_covariance(problem, replace(fit, around=around)).covariance)
 
 
@@ -100,6 +104,7 @@ def enriched(sight: Sight, light: Light, effort: Effort, label: Labels | None = 
         for s in np.unique(pool.surface[chosen]):
             of = chosen[pool.surface[chosen] == s]
             weight[of] = pool.weight[kind & (pool.surface == s)].sum() / len(of)
-    # In the pool's order, so that any first few are spread over the photo.
-    keep = np.sort(np.concatenate([inside, outside]))
+    # In turn, each in the order of the pool: any first few are spread over the photo, penumbrae and all else alike.
+    turn = np.concatenate([np.linspace(0, 1, len(kind), endpoint=False) for kind in (inside, outside)])
+    keep = np.concatenate([inside, outside])[np.argsort(turn, kind="stable")]
     return pooled(subset(replace(pool, weight=weight), keep), sight.photo, sight.buffers, ~edge[keep], label)

@@ -33,6 +33,9 @@ _SMALLEST_SPREAD = 1e-4  # of the median brightness
 _NEVER_LESS = 0.1  # of the mean brightness: what a spread that goes with brightness is made up of in the dark
 _SPREAD_ROUNDS = 30  # of the fixed point that the likeliest spread is
 _REWEIGHTED = 3  # times that a linear solution is made anew, outliers counting less
+_RAY_NOISE = (
+    -1.5
+)  # power of a sample's rays that their variance goes with: spread over a light they err less than chance
 _LOSS_SCALE = 1.5  # of the expected residual: beyond it a residual counts by its size, not its square
 
 
@@ -171,8 +174,13 @@ def expected_residual(problem: Problem, state: State) -> Array:
     for s in np.unique(samples.surface):
         of = samples.surface == s
         spread[s] = max(spread[s], weighted_quantile(residual[of], samples.weight[of], 0.9) / 1.6449)
-    lit = np.exp(state.log_c)[samples.surface] * state.shade
-    return np.sqrt(spread[samples.surface] ** 2 + lit**2 * state.share * (1 - state.share) / problem.rays)
+    return np.sqrt(spread[samples.surface] ** 2 + ray_variance(problem, state))
+
+
+def ray_variance(problem: Problem, state: State) -> Array:
+    """Compute the variance (N,) of the modelled brightness that comes of few shadow rays."""
+    lit = np.exp(state.log_c)[problem.samples.surface] * state.shade
+    return np.asarray(lit**2 * state.share * (1 - state.share) * float(problem.rays) ** _RAY_NOISE)
 
 
 def weighted_quantile(values: Array, weights: Array, share: float) -> float:

@@ -16,10 +16,12 @@ from ..radiance.lights import coordinates, moved, reach_of
 from ..types import Array
 from .covariance import independent, information
 from .fit import LightFit, at_rest, result_of
-from .problem import Problem, State, _loss_weight, cost, expected_residual
+from .problem import Problem, State, _loss_weight, cost, ray_variance, score, spread_of
 
 _LARGEST_STEP = 0.15  # in the coordinates of `moved`
 _LARGEST_LOG_STEP = 1.0  # of a strength
+_RISING = 0.0, 0.5, 1.0  # of noise with brightness: none, photons, texture
+_DAMPING = 1e-4  # of the first step: the fit is near its end
 _TRIALS = 5  # of a step, each ten times as damped
 _SETTLED = 1e-4  # of the loss: two steps in a row that lower it by less are the last
 
@@ -31,9 +33,9 @@ def refined(problem: Problem, fit: LightFit, *, iterations: int, slope_rays: int
     iterations : most steps to take; slope_rays : of each of the two sets of slopes
     """
     state = at_rest(fit, problem)
-    damping, quiet, converged, done = 1e-2, 0, False, 0
+    damping, quiet, converged, done = _DAMPING, 0, False, 0
     for done in range(1, iterations + 1):  # noqa: B007 - `done` is read after the loop
-        expected = expected_residual(problem, state)
+        expected = _expected(problem, state)
         before = cost(problem, state, expected)
         found, damping = _stepped(problem, state, expected, slope_rays, damping)
         if found is None:
@@ -57,15 +59,43 @@ def _stepped(
     weight = _loss_weight(problem, state, expected)
     both, matrix = slopes.mean(axis=0), information(slopes, weight)
     pull = both.T @ (weight * state.residual(problem))
-    usual = (weight[:, None] * both**2).sum(axis=0)
     before = cost(problem, state, expected)
     for _ in range(_TRIALS):
-        step = np.linalg.pinv(matrix + np.diag(damping * usual), rcond=1e-14, hermitian=True) @ pull
-        trial = _moved(problem, state, step)
-        if cost(problem, trial, expected) < before and problem.hidden(trial.light):
-            return trial, damping
+        for step in damped_steps(matrix, pull, damping, coordinates(state.light)):
+            trial = _moved(problem, state, step)
+            if cost(problem, trial, expected) < before and problem.hidden(trial.light):
+                return trial, damping
         damping *= 10.0
     return None, damping
+
+
+def damped_steps(matrix: Array, pull: Array, damping: float, places: int) -> tuple[Array, Array]:
+    """Compute two damped Gauss-Newton steps (M,), a free one and Marquardt's.
+
+    matrix : (M, M) J' W J; pull : (M,) J' W r
+    places : so many of the first coordinates are of where and how large the light is, the others strengths
+    The free one scales damping in two parts: that of places by what is left of their information once strengths have
+    made up for them, that of strengths where these are best for the places. A larger light of the same radiance is
+    brighter, which every pixel shows; one of the same power is softer, which penumbrae alone show. Scaled by the
+    first, as Marquardt's is, damping all but forbids the second. Far from its end a fit is better off so.
+    """
+    usual = np.diag(matrix) + 1e-12 * np.trace(matrix)
+    rest = matrix[places:, places:] + np.diag(1e-12 * usual[places:])
+    for_places = np.linalg.lstsq(rest, matrix[places:, :places], rcond=None)[0]
+    left = matrix[:places, :places] - matrix[:places, places:] @ for_places
+    place = _damped(left, pull[:places] - for_places.T @ pull[places:], damping * np.diag(left))
+    strength = _damped(rest, pull[places:], damping * usual[places:]) - for_places @ place
+    return np.concatenate([place, strength]), _damped(matrix, pull, damping * usual)
+
+
+def _damped(matrix: Array, pull: Array, diagonal: Array) -> Array:
+    return np.asarray(np.linalg.lstsq(matrix + np.diag(diagonal), pull, rcond=None)[0])
+
+
+def _expected(problem: Problem, state: State) -> Array:
+    """Each residual's deviation (N,), which goes with brightness by the power that makes the residuals likeliest."""
+    rising = min(_RISING, key=lambda power: score(problem, state, power))
+    return np.sqrt(spread_of(problem, state, rising) ** 2 + ray_variance(problem, state))
 
 
 def _moved(problem: Problem, state: State, step: Array) -> State:

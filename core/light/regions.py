@@ -50,7 +50,7 @@ def divided(
     if whole.score - better.score <= _GAIN:
         return None
     # The light was found with the albedos' edges in the way, so what is near has its turn.
-    jumps = hopped(parts.problem(sight, count, rays), better.light, effort.jumps, effort.tolerance)
+    jumps = hopped(parts.problem(sight, count, rays), better.light, effort.jumps, effort.tolerance, rays)
     better = yield from watched(jumps, 0.6, 1.0, message)
     return Divided(parts, better.light)
 

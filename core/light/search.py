@@ -25,7 +25,7 @@ from ..types import (
     SunLight,
 )
 from .cues import diffuse_maxima, grid, highlights, terminators
-from .fit import LightFit, fit_light, search_light
+from .fit import LightFit, fit_light, rays_worth, search_light
 from .hints import Hint, hinted_lines, turned
 from .hopping import hopped
 from .model_choice import choose, criterion
@@ -106,8 +106,9 @@ def search(
     whole = yield from shifted(asked(sight, enriched(sight, fit.light, effort, alone)), 0.7, 0.75)
     there = whole if parts is None else whole.divided(regions(sight, whole, fit, effort.polish_rays, label))
     edges = there.problem(sight, 2 * effort.fit_samples, effort.polish_rays)
-    jumps = hopped(edges, fit.light, effort.jumps, effort.tolerance)
+    jumps = hopped(edges, fit.light, effort.jumps, effort.tolerance, effort.most_rays)
     fit = yield from watched(jumps, 0.75, 0.85, "Trying other sizes and places")
+    effort = replace(effort, polish_rays=max(effort.polish_rays, rays_worth(fit, edges, effort.most_rays)))
     if parts is None:
         last = polished(sight, whole, fit.light, effort)
     else:

@@ -122,7 +122,7 @@ def _improved(
         for which in (0, 1):
             begin, share = 0.65 + 0.35 * (2 * turn + which) / (2 * _TURNS), 0.35 / (2 * _TURNS)
             beside = here.beside(sight, fits[1 - which].light, rays).problem(sight, count, rays)
-            jumps = hopped(beside, fits[which].light, effort.jumps // 2, effort.tolerance)
+            jumps = hopped(beside, fits[which].light, effort.jumps // 2, effort.tolerance, effort.most_rays)
             found = yield from watched(jumps, begin, begin + 0.7 * share, _MESSAGE)
             there = yield from fitted(which, found.light, begin + 0.7 * share, begin + share)
             fits = min(fits, there, key=_left)

@@ -28,6 +28,7 @@ class Effort:
     fit_samples: int
     fit_rays: int
     polish_rays: int  # for the last fit
+    most_rays: int  # for jumps and the last fit, where a photo is explained so well that they are worth it
     search_samples: int
     refine_samples: int
     directions: int

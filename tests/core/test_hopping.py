@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from core.light.fit import explained, fit_light
+from core.light.fit import explained, fit_light, rays_worth
 from core.light.hopping import hopped
 from core.light.problem import Problem, brightness
 from core.photo.samples import choose_samples, extent_of
@@ -45,22 +45,22 @@ def start(ball, seed):
 def test_jumps_lead_out_of_a_hollow_that_a_fit_rests_in(ball, posed, seed):
     begun, truth = start(ball, seed), ball.light()
     alone = drain(fit_light(posed, begun, iterations=STEPS, tolerance=TOLERANCE))
-    found = drain(hopped(posed, begun, 30, TOLERANCE))
+    found = drain(hopped(posed, begun, 30, TOLERANCE, 64))
     assert found.score < alone.score
     assert off(found.light, truth, posed.middle) < min(0.5, off(alone.light, truth, posed.middle) / 2)
 
 
 def test_without_jumps_it_is_a_fit_and_jumps_are_the_same_each_time(ball, posed):
     alone = drain(fit_light(posed, start(ball, 0), iterations=STEPS, tolerance=TOLERANCE))
-    assert drain(hopped(posed, start(ball, 0), 0, TOLERANCE)).score == alone.score
-    first, again = (drain(hopped(posed, start(ball, 0), 8, TOLERANCE)) for _ in range(2))
+    assert drain(hopped(posed, start(ball, 0), 0, TOLERANCE, 16)).score == alone.score
+    first, again = (drain(hopped(posed, start(ball, 0), 8, TOLERANCE, 16)) for _ in range(2))
     np.testing.assert_array_equal(first.light.centre, again.light.centre)
 
 
 def test_what_has_no_sides_is_only_fitted(ball, posed):
     begun = PointLight(ball.light().centre, np.ones(3), 0.05)
     alone = drain(fit_light(posed, begun, iterations=STEPS, tolerance=TOLERANCE))
-    assert drain(hopped(posed, begun, 30, TOLERANCE)).score == alone.score
+    assert drain(hopped(posed, begun, 30, TOLERANCE, 16)).score == alone.score
 
 
 def test_one_light_is_explained_and_two_are_not(ball, posed):
@@ -71,3 +71,14 @@ def test_one_light_is_explained_and_two_are_not(ball, posed):
     one, other = ball.photo(truth), ball.photo(weak)
     both = problem(ball, Photo(one.linear + other.linear, one.clipped))
     assert not explained(drain(fit_light(both, truth, iterations=2)), both.samples)
+
+
+@pytest.mark.parametrize(("left", "rays"), [(0.5, 1), (0.06, 16), (0.022, 64), (0.0078, 256)])
+def test_rays_are_worth_what_is_left_over(ball, posed, left, rays):
+    """Half a sample errs by 0.5 n^-3/4 with n rays: with more than leave as much as the fit does nothing is won."""
+    fit = drain(fit_light(posed, ball.light(), iterations=1))
+    noise = left * posed.brightness.mean() * np.random.default_rng(0).normal(size=len(posed.samples))
+    fit = replace(fit, residual=noise)
+    weighed = replace(posed, samples=replace(posed.samples, weight=np.ones(len(noise))))
+    assert rays_worth(fit, weighed, 1000) == pytest.approx(rays, rel=0.25)
+    assert rays_worth(fit, weighed, 16) == min(16, rays_worth(fit, weighed, 1000))
