@@ -6,6 +6,9 @@ it is noise like any other: the residual gets more rays. Where slopes and residu
 for J' r does not vanish on average where the light is right: slopes get rays of their own. And in J' J it passes for
 information, which shortens steps where least is known, in sides and roll: slopes are made twice, and only products of
 the one with the other count (`covariance.information`).
+
+A light's sides show in penumbrae alone once its strength makes up for what they change elsewhere; steps are damped by
+that (`damped_steps`), or they would not reach them.
 """
 
 from collections.abc import Generator
