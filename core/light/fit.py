@@ -16,6 +16,7 @@ from ..radiance.lights import coordinates, moved, reach_of
 from ..types import Array, Light, Samples
 from .covariance import covariance
 from .problem import (
+    RAY_NOISE,
     WIDEST_PROBE,
     Problem,
     State,
@@ -32,10 +33,6 @@ _PROBE_UNIT = 0.02  # of a step: shadows are probed that much farther for each
 _LARGEST_LOG_STEP = 2.0  # of a strength
 _MOST, _NEXT_TO_NOTHING = 0.9, 0.01  # of the samples, and of their mean brightness: see `explained`
 _LEAST_STRENGTH = 1e-300  # whose logarithm is a number
-_ONE_RAY, _BY_RAYS = (
-    0.5,
-    0.75,
-)  # noise of a half lit sample with one ray, and the power of their number that it falls by
 
 
 S = TypeVar("S")
@@ -144,7 +141,7 @@ def rays_worth(fit: LightFit, problem: Problem, most: int) -> int:
     weight = problem.samples.weight
     left = weighted_quantile(np.abs(fit.residual), weight, _MOST) / 1.6449
     off = max(left / max(float(np.average(problem.brightness, weights=weight)), 1e-300), 1e-6)
-    return int(np.clip((_ONE_RAY / off) ** (1 / _BY_RAYS), 1, most))
+    return int(np.clip((0.5 / off) ** (-2 / RAY_NOISE), 1, most))  # of a half lit sample, as in `ray_variance`
 
 
 def search_light(problem: Problem, light: Light, *, widest: float, finest: float) -> Generator[float, None, Light]:

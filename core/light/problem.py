@@ -33,9 +33,7 @@ _SMALLEST_SPREAD = 1e-4  # of the median brightness
 _NEVER_LESS = 0.1  # of the mean brightness: what a spread that goes with brightness is made up of in the dark
 _SPREAD_ROUNDS = 30  # of the fixed point that the likeliest spread is
 _REWEIGHTED = 3  # times that a linear solution is made anew, outliers counting less
-_RAY_NOISE = (
-    -1.5
-)  # power of a sample's rays that their variance goes with: spread over a light they err less than chance
+RAY_NOISE = -1.5  # power of their number that the variance of rays goes with: spread over a light, not by chance
 _LOSS_SCALE = 1.5  # of the expected residual: beyond it a residual counts by its size, not its square
 
 
@@ -180,7 +178,7 @@ def expected_residual(problem: Problem, state: State) -> Array:
 def ray_variance(problem: Problem, state: State) -> Array:
     """Compute the variance (N,) of the modelled brightness that comes of few shadow rays."""
     lit = np.exp(state.log_c)[problem.samples.surface] * state.shade
-    return np.asarray(lit**2 * state.share * (1 - state.share) * float(problem.rays) ** _RAY_NOISE)
+    return np.asarray(lit**2 * state.share * (1 - state.share) * float(problem.rays) ** RAY_NOISE)
 
 
 def weighted_quantile(values: Array, weights: Array, share: float) -> float:

@@ -42,7 +42,10 @@ def test_blind_estimate_in_any_unit_of_length(make_ball, unit):
     assert centre < 2.0 and normal < 2.0
     floor = next(s for s in found.surfaces if s.name == "floor")
     np.testing.assert_allclose(product(floor.albedo, light), product(ALBEDO["floor"], truth), rtol=0.03)
-    np.testing.assert_allclose(found.ambient / light.radiance.mean() * truth.radiance.mean(), 0.1, rtol=0.15)
+    # Against the power: a side and its radiance trade off, and so small a photo hardly tells them apart.
+    np.testing.assert_allclose(
+        found.ambient * truth.size.prod() * truth.radiance[0] / product(1, light), 0.1, rtol=0.05
+    )
 
 
 def test_the_largest_albedo_is_the_convention_and_all_keep_their_ratios(ball):
