@@ -24,6 +24,7 @@ _IN_THE_RUNNING = 0.1  # of negative log likelihood a sample,
 _UNLIKELY = 10.0  # and of that of all samples, by those that are independent
 _RAYS = 8  # of a jump, at least
 _LEAST, _ASKED = 800, 3.0  # samples of a jump: at least, and for each that is independent
+_MOST_RAYS = 25_600  # of all samples of a jump, beyond the least
 _PATIENCE = 1 / 3  # of the jumps: so many in a row that find nothing clearly better are the last
 
 
@@ -43,7 +44,9 @@ def hopped(
     told = independent_count(problem, at_rest(begun, problem))
     promising = min(_IN_THE_RUNNING, _UNLIKELY / told)
     rays = rays_worth(begun, problem, most_rays)
-    some = replace(problem.first(int(max(_LEAST, _ASKED * told))), rays=max(rays, _RAYS))
+    rays_of_jump = max(rays, _RAYS)
+    count = int(max(_LEAST, min(_ASKED * told, _MOST_RAYS / rays_of_jump)))
+    some = replace(problem.first(count), rays=rays_of_jump)
     if rays > problem.rays:
         problem = replace(problem, rays=rays)
         begun = result_of(problem, at_rest(begun, problem), begun.iterations, begun.converged)

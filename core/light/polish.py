@@ -24,7 +24,7 @@ from .sight import Asked, Effort, Sight, fields_along
 
 _LAST_RAYS = 1024  # of the last steps, at most: less noise than 1 % of what a penumbra shows
 _SLOPES = 2  # times as many rays in each of two sets of slopes as in other fits
-_WORTH_IT = 64  # rays a sample, for last steps to be taken: a photo explained to 2 % or so
+_WORTH_IT = 128  # rays a sample, for last steps to be taken: a photo explained to 1.5 % or so
 _LAST_SAMPLES = 4000  # half of them in penumbrae: their rays are what takes time
 _REGION_ROUNDS = 5  # of regions and light in turn
 _BOUNCE_ROUNDS = 2  # of what the photo does not show, by the light found
