@@ -51,7 +51,7 @@ _RESPONSE_ROUNDS = 2  # of light and response in turn
 EFFORTS = {
     "draft": Effort(1500, 4000, 600, 400, 24, 16, 16, 150, 300, 100, 3, 2, 1, 1e-3, 0, 6),
     "standard": Effort(4000, 12000, 1600, 800, 64, 16, 64, 250, 600, 240, 6, 3, 2, 3e-4, 4, 24),
-    "accurate": Effort(10000, 30000, 5000, 2500, 144, 64, 144, 400, 1200, 400, 8, 4, 3, 1e-4, 8, 30),
+    "accurate": Effort(10000, 30000, 5000, 2500, 144, 64, 64, 400, 1200, 400, 8, 4, 3, 1e-4, 4, 24),
 }
 QUALITIES = tuple(EFFORTS)
 
