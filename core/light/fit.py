@@ -25,6 +25,7 @@ from .problem import (
     expected_residual,
     normal_equations,
     score,
+    usual_spread,
     weighted_quantile,
 )
 
@@ -139,7 +140,7 @@ def rays_worth(fit: LightFit, problem: Problem, most: int) -> int:
     modelled, more of them tell nothing.
     """
     weight = problem.samples.weight
-    left = weighted_quantile(np.abs(fit.residual), weight, _MOST) / 1.6449
+    left = usual_spread(np.abs(fit.residual), weight)
     off = max(left / max(float(np.average(problem.brightness, weights=weight)), 1e-300), 1e-6)
     return int(np.clip((0.5 / off) ** (-2 / RAY_NOISE), 1, most))  # of a half lit sample, as in `ray_variance`
 

@@ -126,8 +126,8 @@ def _solved_once(
     own, others = np.split(found.strengths, [shading.shape[1]])
     power = np.maximum(own[0], 1e-300)
     albedo = guess.albedo.copy()
-    solved = found.albedo.any(axis=1)
-    albedo[:surfaces][solved] = np.minimum(factor * power * found.albedo, _WHITEST)[solved]
+    lit_ones = found.albedo.any(axis=1)
+    albedo[:surfaces][lit_ones] = np.minimum(factor * power * found.albedo, _WHITEST)[lit_ones]
     for (g, field), other in zip(foreign.items(), others, strict=True):
         albedo[g] = np.minimum(other / power, _WHITEST)
         bounced = bounced + share[:, None] * field * other / power
@@ -152,7 +152,7 @@ def _exchanged(shade: Array, albedo: Array, between: Gathered) -> Array:
     return bright
 
 
-def count_of_bounces(samples: Samples, shading: Array, bounces: Bounces, with_ambient: bool) -> tuple[float, bool]:
+def bounce_factor(samples: Samples, shading: Array, bounces: Bounces, with_ambient: bool) -> tuple[float, bool]:
     """By how much light from surfaces that the photo shows counts, for least to be left, and whether it is clear."""
     some, lit, near = first(samples, _SEARCHED), shading[:_SEARCHED], bounces.first(_SEARCHED)
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..light.problem import weighted_quantile
+from ..light.problem import usual_spread, weighted_quantile
 from ..types import Array, Samples
 
 LARGEST_ALBEDO = 0.8
@@ -157,15 +157,10 @@ def _soft(samples: Samples, residual: Array, model: Array) -> Array:
         off, bright, weight = np.abs(residual[of]), model[of], samples.weight[of]
         usual = weighted_quantile(bright, weight, 0.9)
         dark = bright < _DIM * usual
-        spread = np.full(len(off), _spread(off, weight))
+        spread = np.full(len(off), usual_spread(off, weight))
         if min(dark.sum(), (~dark).sum()) >= _FEWEST:
-            own, light = _spread(off[dark], weight[dark]), _spread(off[~dark], weight[~dark])
+            own, light = usual_spread(off[dark], weight[dark]), usual_spread(off[~dark], weight[~dark])
             spread = np.minimum(np.hypot(own, light * bright / usual), light)
         spread = np.maximum(spread, floor)
         out[of] = (floor / spread) ** 2 / np.sqrt(1 + (off / (1.5 * spread)) ** 2)
     return out
-
-
-def _spread(off: Array, weight: Array) -> float:
-    """The deviation of a normal distribution of which nine in ten are as little off."""
-    return float(weighted_quantile(off, weight, 0.9)) / 1.6449

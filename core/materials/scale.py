@@ -31,10 +31,12 @@ def to_card(found: Radiometry, names: Sequence[str], card: Card) -> Radiometry:
     albedo = found.albedo[names.index(card.name)]
     if not albedo.all():
         raise ReshadeError(f"No light falls on the card '{card.name}'", "Name a surface that is lit")
-    factor = card.albedo / albedo
-    return replace(
-        found, strengths=found.strengths / factor, ambient=found.ambient / factor, albedo=found.albedo * factor
-    )
+    return scaled(found, card.albedo / albedo)
+
+
+def scaled(found: Radiometry, by: Array | float) -> Radiometry:
+    """The same solve with albedos so many times as bright, by channel (3,) or all alike, and lights as much weaker."""
+    return replace(found, strengths=found.strengths / by, ambient=found.ambient / by, albedo=found.albedo * by)
 
 
 def by_bounces(found: Radiometry, factor: float) -> tuple[float, str]:

@@ -16,10 +16,10 @@ from ..errors import ReshadeError
 from ..photo.samples import subset
 from ..photo.segmentation import Labels, by_albedo
 from ..types import AreaLight, Array, Light, Progress, Samples
-from .bounces import Bounces, count_of_bounces, solved
+from .bounces import Bounces, bounce_factor, solved
 from .gloss import MATT, STRONGEST, Gloss, GlossFit, Lit, base_share, specular_term, towards
 from .radiometric import Radiometry
-from .scale import Card, by_bounces, by_texture, to_card
+from .scale import Card, by_bounces, by_texture, scaled, to_card
 
 _ROUNDS = 2
 _EDGEWAYS = 0.1  # cosine of light on a face
@@ -66,7 +66,7 @@ def solve_materials(
             f"Name one of {', '.join(samples.names)}",
         )
     if bounces is not None and bounces.factor is None:
-        factor, told = count_of_bounces(samples, shading, bounces, with_ambient)
+        factor, told = bounce_factor(samples, shading, bounces, with_ambient)
         bounces = replace(bounces, factor=factor, told=told)
     found, bounced = solved(samples, shading, bounces, with_ambient)
     found = to_card(found, samples.names, card) if card else found
@@ -172,9 +172,8 @@ def absolute(materials: Materials, samples: Samples) -> tuple[Materials, str]:
         by, words = by_texture(found, materials.matt or samples)
     if by == 1.0:
         return materials, words
-    scaled = replace(found, strengths=found.strengths / by, ambient=found.ambient / by, albedo=found.albedo * by)
     gloss = tuple(replace(one, strength=min(one.strength * by, STRONGEST)) for one in materials.gloss)
-    return replace(materials, radiometry=scaled, gloss=gloss), words
+    return replace(materials, radiometry=scaled(found, by), gloss=gloss), words
 
 
 def _without_gloss(
