@@ -23,6 +23,7 @@ from ..reshade_addon import register, unregister
 from ..reshade_addon.blend_file import open_blend
 from ..reshade_addon.photo_io import read_photo
 from ..reshade_addon.scene_read import read_buffers, read_view
+from ..reshade_addon.shadow_rays import shadow_rays
 from .measure import light_errors, true_light
 from .scenes import KINDS, build, photo_path
 
@@ -40,7 +41,8 @@ def measured(number: int, quality: str) -> dict:
     view = read_view(scene, photo.size)
     buffers = drain(read_buffers(view))
     worked = time.process_time()
-    found = drain(estimate(photo, view.camera, buffers, view.caster.visible, quality=quality))
+    with shadow_rays(view.caster) as visible:
+        found = drain(estimate(photo, view.camera, buffers, visible, quality=quality))
     out = {"number": number, "message": found.message, "processor": time.process_time() - worked}
     if found:
         out |= light_errors(truth, true_light(truth), found.lights[0])

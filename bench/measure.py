@@ -29,6 +29,7 @@ from ..reshade_addon.blend_file import open_blend
 from ..reshade_addon.photo_io import read_photo
 from ..reshade_addon.rendering import render
 from ..reshade_addon.scene_read import SceneView, read_buffers
+from ..reshade_addon.shadow_rays import shadow_rays
 from . import scene_parts as parts
 from .scenes import AIM, KINDS, Kind, photo_path, scene_folder
 
@@ -58,7 +59,8 @@ def measure(kind: Kind, folder: Path, quality: str, from_truth: bool) -> dict:
     out |= light_errors(truth, true, light) | {"strength_pct": strength_error(truth, true, found)}
     out |= intervals(true, found, out)
     buffers = drain(read_buffers(solution.view, 2))
-    given = drain(solve(photo, solution.view.camera, buffers, solution.view.caster.visible, [true], quality=quality))
+    with shadow_rays(solution.view.caster) as visible:
+        given = drain(solve(photo, solution.view.camera, buffers, visible, [true], quality=quality))
     out |= {"rms": found.rms, "rms_of_truth": given.rms, "noise": found.noise}
     if kind.sensor is parts.one_percent:
         out["bound"] = cramer_rao(truth, true, photo, solution.view, buffers)

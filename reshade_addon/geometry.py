@@ -126,17 +126,17 @@ class RayCaster:
     """Rays into a scene's triangles. Blender's tree works in single precision; hits are recomputed in double."""
 
     def __init__(self, geometry: SceneGeometry) -> None:
-        self._corner = geometry.corner
+        self.corner = geometry.corner
         flat = geometry.corner.reshape(-1, 3)
         # Coordinates about the middle keep single precision for scenes far from the origin.
-        self._middle = (flat.min(axis=0) + flat.max(axis=0)) / 2 if len(flat) else np.zeros(3)
+        self.middle = (flat.min(axis=0) + flat.max(axis=0)) / 2 if len(flat) else np.zeros(3)
         indices = np.arange(len(flat)).reshape(-1, 3)
-        self._tree = BVHTree.FromPolygons((flat - self._middle).tolist(), indices.tolist(), all_triangles=True)
+        self._tree = BVHTree.FromPolygons((flat - self.middle).tolist(), indices.tolist(), all_triangles=True)
 
     def nearest(self, origin: Array, directions: Array) -> NDArray[np.int64]:
         """The triangle (M,) that each ray from `origin` (3,) along `directions` (M, 3) meets first; -1 for none."""
         cast = self._tree.ray_cast
-        start = (origin - self._middle).tolist()
+        start = (origin - self.middle).tolist()
         found = [cast(start, direction)[2] for direction in directions.tolist()]
         return np.array([-1 if index is None else index for index in found], dtype=np.int64)
 
@@ -146,12 +146,12 @@ class RayCaster:
         Returns the triangle (M,), -1 for none, the place (M, 3), NaN for none, and the face's normal (M, 3) on the side
         that is met. Places are in the tree's single precision: good enough to look something up there.
         """
-        starts = (points - self._middle).tolist()
+        starts = (points - self.middle).tolist()
         hits = map(self._tree.ray_cast, starts, directions.tolist())
         found = [(-1, math.nan) if hit[2] is None else hit[2:] for hit in hits]
         triangle, distance = np.array(found, dtype=np.float64).reshape(-1, 2).T
         index = triangle.astype(np.int64)
-        a, b, c = np.moveaxis(self._corner[index], 1, 0) if len(self._corner) else np.zeros((3, len(index), 3))
+        a, b, c = np.moveaxis(self.corner[index], 1, 0) if len(self.corner) else np.zeros((3, len(index), 3))
         face = np.cross(b - a, c - a)
         face /= np.maximum(np.linalg.norm(face, axis=1, keepdims=True), 1e-300)
         face *= np.where(np.einsum("ij,ij->i", face, directions) > 0, -1.0, 1.0)[:, None]
@@ -159,7 +159,7 @@ class RayCaster:
 
     def visible(self, points: Array, targets: Array) -> Mask:
         """Whether nothing lies on each open segment between points (M, 3) and targets (M, 3): `types.Visible`."""
-        away, starts = targets - points, points - self._middle
+        away, starts = targets - points, points - self.middle
         distance, free = np.linalg.norm(away, axis=1), np.empty(len(points), dtype=bool)
         for begin in range(0, len(points), _AT_ONCE):
             some = slice(begin, begin + _AT_ONCE)
@@ -169,7 +169,7 @@ class RayCaster:
 
     def meet(self, triangle: NDArray[np.int64], origin: Array, directions: Array) -> tuple[Array, Array]:
         """Where rays meet the planes of the triangles (M,) they hit: points (M, 3), barycentric weights (M, 3)."""
-        a, b, c = np.moveaxis(self._corner[triangle], 1, 0)
+        a, b, c = np.moveaxis(self.corner[triangle], 1, 0)
         normal = np.cross(b - a, c - a)
         distance = np.einsum("ij,ij->i", a - origin, normal) / np.einsum("ij,ij->i", directions, normal)
         point = origin + distance[:, None] * directions

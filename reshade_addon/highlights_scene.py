@@ -18,6 +18,7 @@ from ..core.types import Array, Light, Photo, Progress, Samples
 from . import reference
 from .render_depsgraph import with_render_depsgraph
 from .scene_read import SceneView, cast, check_aspect, read_buffers, read_light, read_view
+from .shadow_rays import shadow_rays
 
 PIXELS = 320_000  # of the photo that are solved for; a larger photo's highlights are enlarged from there
 SUBPIXELS = 4  # rays each way through a pixel that shows several things
@@ -100,11 +101,12 @@ def _fragments(view: SceneView, lights: Sequence[Light], with_sky: bool) -> Gene
         lift=LIFT * extent,
     )
     arriving = np.ones((len(point), len(lights)))
-    for index, light in enumerate(lights):
-        yield Progress(0.4 + 0.4 * index / len(lights), "Casting shadow rays")
-        arriving[:, index] = visible_fraction(light, samples, view.caster.visible, RAYS, FAR * extent)
-    yield Progress(0.8, "Looking at the sky")
-    sky = openness(samples, view.caster.visible, SKY_RAYS, FAR * extent) if with_sky else samples.openness
+    with shadow_rays(view.caster) as visible:
+        for index, light in enumerate(lights):
+            yield Progress(0.4 + 0.4 * index / len(lights), "Casting shadow rays")
+            arriving[:, index] = visible_fraction(light, samples, visible, RAYS, FAR * extent)
+        yield Progress(0.8, "Looking at the sky")
+        sky = openness(samples, visible, SKY_RAYS, FAR * extent) if with_sky else samples.openness
     return Fragments(
         pixel=np.concatenate([pure, at[hit // len(within)]]),
         share=samples.weight,

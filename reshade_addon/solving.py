@@ -31,6 +31,7 @@ from .scene_read import (
     read_view,
     rendered_lights,
 )
+from .shadow_rays import shadow_rays
 from .texture import albedo_texture, texture_view
 
 PIXELS_READ = {"draft": 30_000, "standard": 80_000, "accurate": 200_000}  # of the photo; the core chooses among them
@@ -70,19 +71,20 @@ def estimate_light(
     began = perf_counter()
     view, buffers = yield from _read(scene, photo, quality)
     reading = perf_counter() - began
-    steps = estimate(
-        photo,
-        view.camera,
-        buffers,
-        view.caster.visible,
-        meets=meets(view, buffers.names),
-        quality=quality,
-        model=model,
-        start=start,
-        hints=hints,
-        fit_response=fit_response,
-    )
-    result = yield from shifted(steps, READ, SOLVED)
+    with shadow_rays(view.caster) as visible:
+        steps = estimate(
+            photo,
+            view.camera,
+            buffers,
+            visible,
+            meets=meets(view, buffers.names),
+            quality=quality,
+            model=model,
+            start=start,
+            hints=hints,
+            fit_response=fit_response,
+        )
+        result = yield from shifted(steps, READ, SOLVED)
     solution = Solution(result, quality, view)
     return (yield from _completed(scene, straightened(photo, result.response), solution, reading, began))
 
@@ -103,8 +105,9 @@ def solve_materials(
     view, buffers = yield from _read(scene, photo, quality)
     reading = perf_counter() - began
     meet = meets(view, buffers.names)
-    steps = solve(photo, view.camera, buffers, view.caster.visible, lights, meets=meet, quality=quality, card=card)
-    result = yield from shifted(steps, READ, SOLVED)
+    with shadow_rays(view.caster) as visible:
+        steps = solve(photo, view.camera, buffers, visible, lights, meets=meet, quality=quality, card=card)
+        result = yield from shifted(steps, READ, SOLVED)
     solution = Solution(result, quality, view, tuple(obj.name for obj in objects))
     return (yield from _completed(scene, photo, solution, reading, began))
 

@@ -7,14 +7,14 @@ field is the sample's openness and r the ambient's radiance over the light's str
 what the other surfaces send (`interreflection`) and r one over the light's strength.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ..photo.samples import first, hues, surface_means
 from ..radiance.lights import farthest_apart, moved, reach_of, shading, shading_gradient
-from ..radiance.visibility import settled, visible_fraction
+from ..radiance.visibility import settled, visible_fractions
 from ..types import AreaLight, Array, Light, PointLight, Samples, SunLight, Visible
 
 # Smallest steps for the derivative of visibility, in the coordinates of `moved`: they move a shadow by about a pixel.
@@ -109,11 +109,12 @@ class Problem:
         margin = max(_LEAST_MARGIN * reach, needed)
         return Known(settled(light, self.samples, self.visible, self.far, margin), light, margin)
 
-    def share(self, light: Light, known: Known | None) -> Array:
-        """Visible fraction (N,)."""
+    def shares(self, lights: Sequence[Light], known: Known | None) -> Array:
+        """Visible fraction (L, N) of each of some lights."""
         if self.visible is None:
-            return np.ones(len(self.samples))
-        return visible_fraction(light, self.samples, self.visible, self.rays, self.far, known.share if known else None)
+            return np.ones((len(lights), len(self.samples)))
+        settled = known.share if known else None
+        return visible_fractions(lights, self.samples, self.visible, self.rays, self.far, settled)
 
     def start(self, light: Light) -> State:
         """The state of a light whose strengths and ambient are not known yet: linearly, outliers unheard."""
@@ -129,7 +130,7 @@ class Problem:
         """The state of a light with given strengths and light around; `probe` as in `State`, `before` as in `known`."""
         shade = shading(light, self.samples.point, self.samples.normal)
         known = self.known(light, probe, before)
-        return State(light, log_c, around, shade, self.share(light, known), known, probe)
+        return State(light, log_c, around, shade, self.shares([light], known)[0], known, probe)
 
 
 def brightness(samples: Samples) -> Array:
@@ -282,11 +283,9 @@ def _visibility_slope(problem: Problem, state: State, reach: float) -> Array:
     The probe is as wide as the fit's own steps: a shadow that is not where the photo has it meets it no sooner.
     Fewer rays than the model's own are no saving: the fit then stops early, far from where it should.
     """
-    columns = []
-    for step in np.diag(state.probe * _VISIBILITY_STEP[type(state.light)]):
-        there = problem.share(moved(state.light, step, reach), state.known)
-        columns.append((there - state.share) / step.sum())
-    return np.stack(columns, axis=1)
+    steps = np.diag(state.probe * _VISIBILITY_STEP[type(state.light)])
+    there = problem.shares([moved(state.light, step, reach) for step in steps], state.known)
+    return np.asarray((there - state.share).T / steps.sum(axis=1))
 
 
 def several_terms(terms: Array, y: Array, weight: Array) -> Array:

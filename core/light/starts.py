@@ -9,6 +9,7 @@ refined by compass search in direction and log distance, on more samples, before
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +17,7 @@ from numpy.typing import NDArray
 from ..camera import project
 from ..photo.samples import first
 from ..radiance.lights import across, facing, shading
-from ..radiance.visibility import visible_fraction
+from ..radiance.visibility import visible_fractions
 from ..types import SUN_ANGLE, AreaLight, Array, Buffers, Camera, Light, PointLight, Samples, SunLight, Visible
 from .cues import GRID, Line
 from .problem import Hidden
@@ -31,6 +32,7 @@ _FIRST_STEP, _LAST_STEP = 0.1, 0.008  # of the compass search: radians, and thre
 _SUN_FIRST_STEP, _SUN_LAST_STEP = np.radians(3.0), np.radians(0.08)
 _BY_SHADOWS = 0.15  # of the score: what shadows must explain for them to be the cue
 SHADOW = "shadow and what casts it"
+One = TypeVar("One", AreaLight, SunLight)
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,17 +64,27 @@ class Judge:
         rays : shadow rays a sample; 0: as if nothing threw a shadow
         Infinite for a light in the geometry, and for one that lights next to nothing.
         """
-        samples, weight = self.samples, self.samples.weight
+        return float(self.scores([light], rays)[0])
+
+    def scores(self, lights: Sequence[Light], rays: int = 1) -> Array:
+        """The same of several lights, with all their rays at once."""
+        samples, out = self.samples, np.full(len(lights), np.inf)
+        lit = np.array([shading(light, samples.point, samples.normal) for light in lights])
+        usable = [i for i, light in enumerate(lights) if self._usable(light, lit[i])]
+        if rays and usable:
+            some = [lights[i] for i in usable]
+            lit[usable] *= visible_fractions(some, samples, self.visible, rays, self.far)
+        out[usable] = [self._left(lit[i]) for i in usable]
+        return out
+
+    def _usable(self, light: Light, lit: Array) -> bool:
+        """Whether a light hangs free of the geometry, and lights some of it as far as shading (N,) goes."""
         if isinstance(light, PointLight):
-            away = light.centre - samples.point
+            away = light.centre - self.samples.point
             if np.einsum("ij,ij->i", away, away).min() < (0.05 * self.extent) ** 2:
-                return np.inf
-        lit = shading(light, samples.point, samples.normal)
-        if weight[lit > 0].sum() < 0.05 * weight.sum():
-            return np.inf
-        if rays:
-            lit = lit * visible_fraction(light, samples, self.visible, rays, self.far)
-        return self._left(lit)
+                return False
+        weight = self.samples.weight
+        return bool(weight[lit > 0].sum() >= 0.05 * weight.sum())
 
     def without(self) -> float:
         """The score of no light at all."""
@@ -121,14 +133,16 @@ def find_starts(
 def _near_starts(
     judge: Judge, quick: Judge, hidden: Hidden, lines: Sequence[Line], count: int, middle: Array
 ) -> list[Start]:
-    tried = []
-    for line in lines:
-        for r in line.distances or tuple(r * judge.extent for r in _DISTANCES):
-            centre = line.origin + r * line.way
-            light = PointLight(centre, np.ones(3))
-            score = quick.score(light) if hidden(light) else np.inf
-            if np.isfinite(score):
-                tried.append((score, line.cue, centre))
+    places = [
+        (line.cue, PointLight(line.origin + r * line.way, np.ones(3)))
+        for line in lines
+        for r in line.distances or tuple(r * judge.extent for r in _DISTANCES)
+    ]
+    places = [(cue, light) for cue, light in places if hidden(light)]
+    scores = quick.scores([light for _, light in places])
+    tried = [
+        (score, cue, light.centre) for (cue, light), score in zip(places, scores, strict=True) if np.isfinite(score)
+    ]
     refined = []
     for _, cue, centre in _distinct(tried, 3 * count, middle, _APART):
         score, there = _refined(judge, hidden, centre, middle)
@@ -137,23 +151,29 @@ def _near_starts(
     starts = []
     for score, cue, centre in _distinct(refined, count, middle, _APART_REFINED):
         sides = np.array(_SIDES) * float(np.linalg.norm(centre - middle))
-        area = min((facing(centre, middle, side) for side in sides), key=lambda one: judge.score(one, _SIDE_RAYS))
+        area = _best([facing(centre, middle, side) for side in sides], judge)
         starts.append(Start(area, _named(judge, PointLight(centre, np.ones(3)), cue, score), score))
     return starts
 
 
 def _sun_starts(judge: Judge, quick: Judge, lines: Sequence[Line], count: int) -> list[Start]:
-    tried = [(quick.score(SunLight(-line.way, np.ones(3))), line.cue, line.way) for line in lines if not line.distances]
+    skyward = [line for line in lines if not line.distances]
+    scores = quick.scores([SunLight(-line.way, np.ones(3)) for line in skyward])
+    tried = [(score, line.cue, line.way) for score, line in zip(scores, skyward, strict=True) if np.isfinite(score)]
     origin = np.zeros(3)
     refined = []
-    for _, cue, way in _distinct([entry for entry in tried if np.isfinite(entry[0])], 3 * count, origin, _APART / 2):
+    for _, cue, way in _distinct(tried, 3 * count, origin, _APART / 2):
         refined.append((*_refined_sun(judge, way), cue))
     starts = []
     for score, cue, way in _distinct([(s, cue, way) for s, way, cue in refined], count, origin, _SUN_FIRST_STEP / 2):
         wide = [SunLight(-way, np.ones(3), angle) for angle in _ANGLES]
-        sun = min(wide, key=lambda one: judge.score(one, _SIDE_RAYS))
+        sun = _best(wide, judge)
         starts.append(Start(sun, _named(judge, sun, cue, score), score))
     return starts
+
+
+def _best(lights: Sequence[One], judge: Judge) -> One:
+    return lights[int(np.argmin(judge.scores(lights, _SIDE_RAYS)))]
 
 
 def _named(judge: Judge, light: PointLight | SunLight, cue: str, score: float) -> str:

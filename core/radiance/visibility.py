@@ -4,16 +4,18 @@ The points on the light are stratified and shift from sample to sample, but are 
 between two positions of a light then show the light's movement and not other random numbers.
 """
 
+from collections.abc import Sequence
 from functools import lru_cache
 
 import numpy as np
 from scipy.spatial import cKDTree
 
-from ..types import AreaLight, Array, Light, PointLight, Samples, SunLight, Visible
+from ..types import AreaLight, Array, Light, Mask, PointLight, Samples, SunLight, Visible
 from .lights import across
 
 _PLASTIC = 1.32471795724474602596  # root of x^3 = x + 1: the R2 low-discrepancy sequence
 _IN_PIXEL = np.array([0.6287067210378087, 0.5385972572236101])  # of the R4 sequence, as which R2 goes on
+_TOGETHER = 1 << 20  # rays that are cast at once, at most: what they take of memory
 _PROBES = 24  # rays a sample to find out whether it is settled
 
 
@@ -39,24 +41,40 @@ def visible_fraction(
     settled : (N,) from `settled`; only its NaN are asked, the rest is taken as it stands
     Rays to parts of the light that do not shine on the sample are not cast, and each counts by what it would bring.
     """
+    return np.asarray(visible_fractions([light], samples, visible, rays, far, settled)[0])
+
+
+def visible_fractions(
+    lights: Sequence[Light], samples: Samples, visible: Visible, rays: int, far: float, settled: Array | None = None
+) -> Array:
+    """Compute the same of several lights, (L, N), with all their rays at once, which costs less than one by one."""
     ask = np.arange(len(samples)) if settled is None else np.flatnonzero(np.isnan(settled))
-    share = np.ones(len(samples)) if settled is None else settled.copy()
-    point, normal = samples.point[ask], samples.normal[ask]
+    share = np.tile(np.ones(len(samples)) if settled is None else settled, (len(lights), 1))
+    point, normal, at = samples.point[ask], samples.normal[ask], pattern(len(samples), rays)[ask]
+    targets, weights = zip(*(_rays_to(light, point, normal, at, far) for light in lights), strict=True)
+    weight = np.stack(weights, axis=1)  # (n, L, rays)
+    together = weight.reshape(len(ask), len(lights) * rays)
+    start = np.tile(_begin(samples, rays)[ask], (1, len(lights), 1))
+    arrives = _cast(start, np.concatenate(targets, axis=1), together > 0, visible).reshape(weight.shape)
+    total = weight.sum(axis=2)
+    share[:, ask] = np.where(total > 0, (weight * arrives).sum(axis=2) / np.where(total > 0, total, 1.0), 1.0).T
+    return share
+
+
+def _rays_to(light: Light, point: Array, normal: Array, at: Array, far: float) -> tuple[Array, Array]:
+    """Points (n, K, 3) of a light that points (n, 3) ask for, and how much each would bring (n, K).
+
+    at : (n, K, 2) in the unit square
+    """
     if isinstance(light, AreaLight):
-        at = pattern(len(samples), rays)[ask] - 0.5
-        target = light.centre + at @ np.stack([light.size[0] * light.u, light.size[1] * light.v])
+        target = light.centre + (at - 0.5) @ np.stack([light.size[0] * light.u, light.size[1] * light.v])
         away = target - point[:, None]
         square = np.einsum("ijk,ijk->ij", away, away)
         weight = np.maximum(np.einsum("ijk,ik->ij", away, normal), 0.0)
         weight *= np.maximum(-(away @ light.normal), 0.0) / np.maximum(square, 1e-300) ** 2
-    else:
-        at = pattern(len(samples), rays)[ask] if rays > 1 else np.zeros((len(ask), 1, 2))
-        target = _on_disc(light, point, at, far)
-        weight = np.maximum(np.einsum("ijk,ik->ij", target - point[:, None], normal), 0.0)
-    arrives = _cast(_begin(samples, rays)[ask], target, weight > 0, visible)
-    total = weight.sum(axis=1)
-    share[ask] = np.where(total > 0, (weight * arrives).sum(axis=1) / np.where(total > 0, total, 1.0), 1.0)
-    return share
+        return target, weight
+    target = _on_disc(light, point, at if at.shape[1] > 1 else np.zeros_like(at), far)
+    return target, np.maximum(np.einsum("ijk,ik->ij", target - point[:, None], normal), 0.0)
 
 
 def settled(light: Light, samples: Samples, visible: Visible, far: float, margin: float) -> Array:
@@ -147,13 +165,17 @@ def openness(samples: Samples, visible: Visible, rays: int, far: float) -> Array
     return _cast(start, start[:, None] + far * direction, wanted, visible).mean(axis=1)
 
 
-def _cast(start: Array, target: Array, wanted: Array, visible: Visible) -> Array:
+def _cast(start: Array, target: Array, wanted: Mask, visible: Visible) -> Mask:
     """(N, K) bool: which of the wanted rays from start (N, 3) or (N, K, 3) to target (N, K, 3) arrive."""
-    start = start if start.ndim == 3 else start[:, None]
-    origin, target = (np.broadcast_to(end, (*wanted.shape, 3)).reshape(-1, 3) for end in (start, target))
+    start = np.broadcast_to(start if start.ndim == 3 else start[:, None], target.shape)
+    arrives = np.zeros(wanted.shape, dtype=bool)
     # Neighbours' rays meet the same parts of a tree of triangles, which then still are in the processor's cache.
     near = cKDTree(start[:, 0]).indices
-    ray = np.arange(wanted.size).reshape(wanted.shape)[near][wanted[near]]
-    arrives = np.zeros(wanted.size, dtype=bool)
-    arrives[ray] = visible(origin.take(ray, axis=0), target.take(ray, axis=0))
-    return arrives.reshape(wanted.shape)
+    many = max(_TOGETHER // max(wanted.shape[1], 1), 1)
+    for begin in range(0, len(near), many):
+        some = near[begin : begin + many]
+        ask = wanted[some]
+        answer = np.zeros(ask.shape, dtype=bool)
+        answer[ask] = visible(start[some][ask], target[some][ask])
+        arrives[some] = answer
+    return arrives
