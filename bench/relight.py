@@ -1,7 +1,7 @@
 """How good reshaded photos are: edits made to the explained scene and to the true one, which Cycles renders.
 
     python -m reshade.bench.relight FOLDER [--seeds 1,2] [--kinds NAME ...] [--edits NAME ...] [--known]
-        [--pictures FOLDER]
+        [--quality NAME] [--pictures FOLDER]
 
 Edits: the light on the other side and at half its strength; a surface of another colour; an object added. PSNR of the
 sRGB-encoded pictures, and relative RMSE of the linear ones, each beside that of the photo scaled to the right mean.
@@ -20,6 +20,7 @@ import numpy as np
 from mathutils import Matrix
 
 from ..core.color import linear_to_srgb
+from ..core.pipeline import QUALITIES
 from ..core.progress import drain
 from ..core.radiance.lights import with_strength
 from ..core.types import Array
@@ -88,7 +89,9 @@ EDITS: dict[str, Callable[[bpy.types.Scene, float], None]] = {
 }
 
 
-def measure(folder: Path, edits: Sequence[str], known: bool, pictures: Path | None) -> dict[str, dict[str, float]]:
+def measure(
+    folder: Path, edits: Sequence[str], known: bool, quality: str, pictures: Path | None
+) -> dict[str, dict[str, float]]:
     """Errors of some edits of one scene."""
     truth = json.loads((folder / "truth.json").read_text())
     unit = truth["scene_scale"]
@@ -105,9 +108,9 @@ def measure(folder: Path, edits: Sequence[str], known: bool, pictures: Path | No
     if known:
         for light in lights:
             write_light(scene, with_strength(light, np.ones(3)))
-        solution = drain(solving.solve_materials(scene, photo, quality="standard"))
+        solution = drain(solving.solve_materials(scene, photo, quality=quality))
     else:
-        solution = drain(solving.estimate_light(scene, photo, quality="standard", model="auto"))
+        solution = drain(solving.estimate_light(scene, photo, quality=quality, model="auto"))
     solving.apply(scene, photo_image.load_image(photo_path(folder)), solution)
     explained = folder / "explained.blend"
     bpy.ops.wm.save_as_mainfile(filepath=str(explained))
@@ -145,6 +148,7 @@ def main() -> None:
     parser.add_argument("--kinds", nargs="+", default=KINDS)
     parser.add_argument("--edits", nargs="+", choices=tuple(EDITS), default=tuple(EDITS))
     parser.add_argument("--known", action="store_true")
+    parser.add_argument("--quality", choices=QUALITIES, default="accurate")
     parser.add_argument("--pictures", type=Path)
     chosen = parser.parse_args()
     print(line(list(COLUMNS)) + "\n" + line(["---"] * len(COLUMNS)))
@@ -153,7 +157,8 @@ def main() -> None:
     try:
         for kind in chosen.kinds:
             for seed in map(int, chosen.seeds.split(",")):
-                found = measure(scene_folder(chosen.folder, seed, kind), chosen.edits, chosen.known, chosen.pictures)
+                folder = scene_folder(chosen.folder, seed, kind)
+                found = measure(folder, chosen.edits, chosen.known, chosen.quality, chosen.pictures)
                 for edit, e in found.items():
                     rows.append(e)
                     cells = [kind, str(seed), edit, f"{e['psnr']:.1f}", f"{e['over']:+.1f}", f"{e['rmse']:.1f}"]
