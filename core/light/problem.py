@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..photo.samples import first, hues, surface_means
-from ..radiance.lights import farthest_apart, moved, reach_of, shading, shading_gradient
+from ..radiance.lights import across, farthest_apart, moved, reach_of, shading, shading_gradient
 from ..radiance.visibility import settled, visible_fractions
 from ..types import AreaLight, Array, Light, PointLight, Samples, SunLight, Visible
 
@@ -24,6 +24,7 @@ _VISIBILITY_STEP = {
     PointLight: np.array([0.01] * 3 + [-0.3]),
     SunLight: np.array([0.01] * 2 + [-0.3]),
 }
+_SIZES = {AreaLight: slice(6, 8), PointLight: slice(3, 4)}  # coordinates that are logs of sizes
 _PROBED = 0.024  # of the reach, for each smallest step that a probe is wide: how far it moves a light's edges
 _LEAST_MARGIN = 0.04  # of the reach: what is known near a light serves for a few steps
 _FEW_RAYS = 8  # a sample: fewer cost less than to find out which samples need none
@@ -282,10 +283,31 @@ def _visibility_slope(problem: Problem, state: State, reach: float) -> Array:
 
     The probe is as wide as the fit's own steps: a shadow that is not where the photo has it meets it no sooner.
     Fewer rays than the model's own are no saving: the fit then stops early, far from where it should.
+
+    One probe takes the light farther away and makes it larger by as much, and what its sides say is taken off again:
+    the two in one are a valley, along which a shadow hardly changes and the noise of rays would be all there is to see.
     """
-    steps = np.diag(state.probe * _VISIBILITY_STEP[type(state.light)])
-    there = problem.shares([moved(state.light, step, reach) for step in steps], state.known)
-    return np.asarray((there - state.share).T / steps.sum(axis=1))
+    light = state.light
+    steps = np.diag(state.probe * _VISIBILITY_STEP[type(light)])
+    if isinstance(light, SunLight):
+        there = problem.shares([moved(light, step, reach) for step in steps], state.known)
+        return np.asarray((there - state.share).T / steps.sum(axis=1))
+    sizes, size = _SIZES[type(light)], np.diag(steps).copy()
+    farther = _farther(light, problem.middle, reach)
+    ways = np.stack([farther, *across(farther)])
+    steps[:3, :3] = size[:3, None] * ways
+    steps[0, sizes] = size[0]
+    there = problem.shares([moved(light, step, reach) for step in steps], state.known)
+    slope = (there - state.share).T / size
+    slope[:, 0] -= slope[:, sizes].sum(axis=1)
+    slope[:, :3] = slope[:, :3] @ ways
+    return np.asarray(slope)
+
+
+def _farther(light: AreaLight | PointLight, middle: Array, reach: float) -> Array:
+    """The way (3,) straight away from the middle of the scene, in the light's coordinates of place."""
+    away = (light.centre - middle) / reach
+    return np.stack([light.u, light.v, np.cross(light.u, light.v)]) @ away if isinstance(light, AreaLight) else away
 
 
 def several_terms(terms: Array, y: Array, weight: Array) -> Array:
