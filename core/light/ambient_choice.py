@@ -16,16 +16,15 @@ from ..progress import shifted, watched
 from ..radiance.lights import coordinates, resized
 from ..types import AreaLight, Array, Candidate, Progress, Samples
 from .ambient import NAMES, Ambient, Basis, Solved, by_region, constant, fitted, gain, smooth_bases, solved
-from .fit import LightFit, at_rest, rays_worth
+from .fit import LightFit, at_rest
 from .model_choice import independent_count
-from .polish import polished
+from .polish import heard, polished
 from .problem import Problem, State, model_jacobian, score
 from .sight import Asked, Effort, Sight
 
 _GAIN = 10.0  # of the Bayesian criterion: very strong evidence
 _MUCH = 0.003  # of the mean brightness, root mean square: what a richer ambient has to explain
 _ITERATIONS, _TOLERANCE = 20, 1e-4
-_SIZES = 4  # of `resized`
 _MESSAGE = "Looking at the light all around"
 
 
@@ -40,9 +39,8 @@ def with_richer_ambient(
     """
     yield Progress(0.0, _MESSAGE)
     began = time.perf_counter()
+    effort = heard(effort, fit, here.problem(sight, len(here.samples), effort.polish_rays))
     count, rays = min(2 * effort.fit_samples, len(here.samples)), effort.polish_rays
-    rays = max(rays, rays_worth(fit, here.problem(sight, len(here.samples), rays), effort.most_rays))
-    effort = replace(effort, polish_rays=rays)
     problem = here.problem(sight, count, rays)
     state = at_rest(fit, problem)
     slopes = _slopes(problem, state)
@@ -59,7 +57,7 @@ def with_richer_ambient(
     # A light's sides come to rest where any error of the shading holds them: others have their turn once it is less.
     leading = max(promising, key=lambda one: gain(simple, one))
     begun = leading
-    for light in resized(fit.light)[:_SIZES] if isinstance(fit.light, AreaLight) else []:
+    for light in resized(fit.light) if isinstance(fit.light, AreaLight) else []:
         there = problem.state(light, state.log_c, state.around, 1.0)
         one = solved(problem, there, begun.basis, np.zeros((count, 0)))
         steps = fitted(problem, there, one, iterations=_ITERATIONS, tolerance=_TOLERANCE)

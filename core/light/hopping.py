@@ -17,7 +17,6 @@ from .model_choice import independent_count
 from .problem import Problem
 
 _STEP = np.array([0.03] * 3 + [0.15] * 3 + [0.5] * 2)  # in the coordinates of `moved`, a standard deviation
-_SIZES = 4  # of `resized`, not rolled: a light of the right size turns by itself
 _NEAR_AND_FAR = (0.4, 1.0, 2.5)  # of the step, in turn
 _FIRST_LOOK, _MORE = 5, 8  # steps of a fit: after the first one that is far behind is given up
 _IN_THE_RUNNING = 0.1  # of negative log likelihood a sample,
@@ -54,8 +53,9 @@ def hopped(
     random, idle = np.random.default_rng(0), 0
     for number in range(jumps):
         assert isinstance(fit.light, AreaLight)
-        if number < _SIZES:
-            light = resized(fit.light)[number]
+        sizes = resized(fit.light)  # not rolled: a light of the right size turns by itself
+        if number < len(sizes):
+            light = sizes[number]
         else:
             step = _NEAR_AND_FAR[number % len(_NEAR_AND_FAR)] * _STEP * random.standard_normal(len(_STEP))
             light = moved(fit.light, step, reach_of(fit.light, problem.middle))

@@ -18,6 +18,7 @@ from ..radiance.lights import incidence, reach_of
 from ..radiance.visibility import settled
 from ..types import Light, Progress, Samples
 from .fit import LightFit, fit_light, rays_worth, with_covariance
+from .problem import Problem
 from .refinement import refined
 from .regions import regions
 from .sight import Asked, Effort, Sight, fields_along
@@ -84,6 +85,11 @@ def finished(sight: Sight, here: Asked, fit: LightFit, effort: Effort) -> Genera
     yield Progress(0.9, "Finding out how sure this is")
     problem, around = here.apart(problem, fit.around)
     return replace(fit, covariance=with_covariance(problem, replace(fit, around=around)).covariance)
+
+
+def heard(effort: Effort, fit: LightFit, problem: Problem) -> Effort:
+    """The effort with as many rays for the last fit as what a fit leaves over of the problem is worth."""
+    return replace(effort, polish_rays=max(effort.polish_rays, rays_worth(fit, problem, effort.most_rays)))
 
 
 def enriched(sight: Sight, light: Light, effort: Effort, label: Labels | None = None) -> Samples:

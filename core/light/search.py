@@ -13,7 +13,7 @@ import numpy as np
 from ..photo.samples import first
 from ..photo.segmentation import cut
 from ..progress import shifted, watched
-from ..radiance.lights import reach_of, resized
+from ..radiance.lights import reach_of, resized, rolled
 from ..types import (
     AreaLight,
     Array,
@@ -25,11 +25,11 @@ from ..types import (
     SunLight,
 )
 from .cues import diffuse_maxima, grid, highlights, terminators
-from .fit import LightFit, fit_light, rays_worth, search_light
+from .fit import LightFit, fit_light, search_light
 from .hints import Hint, hinted_lines, turned
 from .hopping import hopped
 from .model_choice import choose, criterion
-from .polish import enriched, polished, polished_with_regions
+from .polish import enriched, heard, polished, polished_with_regions
 from .problem import Problem, brightness, score
 from .regions import divided, regions
 from .second_light import second_light
@@ -108,7 +108,7 @@ def search(
     edges = there.problem(sight, 2 * effort.fit_samples, effort.polish_rays)
     jumps = hopped(edges, fit.light, effort.jumps, effort.tolerance, effort.most_rays)
     fit = yield from watched(jumps, 0.75, 0.85, "Trying other sizes and places")
-    effort = replace(effort, polish_rays=max(effort.polish_rays, rays_worth(fit, edges, effort.most_rays)))
+    effort = heard(effort, fit, edges)
     if parts is None:
         last = polished(sight, whole, fit.light, effort)
     else:
@@ -188,7 +188,8 @@ def _rough(
     rough = yield from fits(initial, 0.0, 0.6, "Fitting from start")
     rough.sort(key=lambda fit: fit.score)
     if resize and rough:
-        others = resized(rough[0].light) if isinstance(rough[0].light, AreaLight) else []
+        best = rough[0].light
+        others = [*resized(best), *resized(rolled(best))] if isinstance(best, AreaLight) else []
         rough += yield from fits(others, 0.6, 1.0, "Trying other sizes,")
         rough.sort(key=lambda fit: fit.score)
     return rough

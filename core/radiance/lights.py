@@ -114,13 +114,17 @@ def incidence(light: Light, points: Array, normals: Array) -> Array:
 
 
 def resized(light: AreaLight) -> list[AreaLight]:
-    """Squares about a light's centre, smaller and larger, and rolled by an eighth turn.
+    """Squares about a light's centre, smaller and larger.
 
-    Sides and roll are what shows least: a fit that comes to rest with wrong ones often does better from another.
+    Sides and roll are what shows least: a fit that comes to rest with wrong ones often does better from others.
     """
     side = float(np.sqrt(light.size.prod()))
-    rolled = replace(light, u=_unit(light.u + light.v), v=_unit(light.v - light.u))
-    return [replace(one, size=np.full(2, by * side)) for one in (light, rolled) for by in (0.4, 1.0, 2.5, 6.0)]
+    return [replace(light, size=np.full(2, by * side)) for by in (0.4, 1.0, 2.5, 6.0)]
+
+
+def rolled(light: AreaLight) -> AreaLight:
+    """The light after an eighth turn in its plane."""
+    return replace(light, u=_unit(light.u + light.v), v=_unit(light.v - light.u))
 
 
 def with_strength(light: Light, strength: Array) -> Light:

@@ -12,6 +12,7 @@ from core.radiance.lights import (
     moved,
     reach_of,
     resized,
+    rolled,
     shading,
     shading_gradient,
     strength_of,
@@ -124,7 +125,7 @@ def test_a_rectangle_that_is_turned_or_stretched_has_moved_edges():
 
 def test_other_sizes_stand_where_the_light_stands_and_shine_the_same_way():
     light = lights()[0]
-    others = resized(light)
+    others = resized(light) + resized(rolled(light))
     for other in others:
         np.testing.assert_array_equal(other.centre, light.centre)
         np.testing.assert_allclose(other.normal, light.normal, atol=1e-12)
