@@ -46,6 +46,8 @@ def likeliest_response(problem: Problem, fit: LightFit) -> Generator[float, None
     if best in _BEYOND:
         fits[_BEYOND[best]], left[_BEYOND[best]] = yield from _fitted(problem, fit, _BEYOND[best])
         best = min(left, key=left.__getitem__)
+        if not _plausible(best):
+            return Response(best, left[1.0] - left[best], False)
     for width in _NARROWER:
         for exponent in (best / width, best * width):
             if exponent not in left:
@@ -59,9 +61,12 @@ def likeliest_response(problem: Problem, fit: LightFit) -> Generator[float, None
     gain = left[1.0] - left[best]
     powered = _powered(problem, best)
     told = independent_count(powered, at_rest(fits[best], powered))
-    plausible = 1 / _PLAUSIBLE < best < _PLAUSIBLE
-    evident = plausible and gain > _CLEAR and 2 * told * gain > np.log(told)
+    evident = _plausible(best) and gain > _CLEAR and 2 * told * gain > np.log(told)
     return Response(best, gain, bool(evident))
+
+
+def _plausible(exponent: float) -> bool:
+    return 1 / _PLAUSIBLE < exponent < _PLAUSIBLE
 
 
 def _fitted(problem: Problem, fit: LightFit, exponent: float) -> Generator[float, None, tuple[LightFit, float]]:
