@@ -19,12 +19,15 @@ from ..reshade_addon import photo_image, register, solving, unregister
 from ..reshade_addon.blend_file import open_blend, save_blend
 from ..reshade_addon.highlights_scene import split_scene
 from ..reshade_addon.photo_io import read_linear, read_photo
+from ..reshade_addon.scene_read import read_light, rendered_lights
 from ..reshade_addon.scene_write import write_light
 from .glossy_scenes import TEXTURES, build
+from .measure import angle
 
 
 def measure(folder: Path, estimated: bool) -> dict[str, float]:
-    """Gains in highlights (dB) with and without the scene, background (% of the peak), seconds."""
+    """Gains in highlights (dB) with and without the scene, background (% of the peak), seconds; how far off a light is
+    that was estimated, in % of its distance and degrees."""
     photo, diffuse = read_photo(folder / "photo.exr"), read_linear(folder / "diffuse.exr")
     truth = json.loads((folder / "truth.json").read_text())
     scene = open_blend(_solved(folder, truth, estimated))
@@ -37,7 +40,16 @@ def measure(folder: Path, estimated: bool) -> dict[str, float]:
     alone = drain(split(photo))
     out = dict(zip(("inside", "background"), score(photo.linear, diffuse, found.split.diffuse), strict=True))
     out |= dict(zip(("auto inside", "auto background"), score(photo.linear, diffuse, alone.diffuse), strict=True))
-    return out | {"seconds": seconds}
+    out["seconds"] = seconds
+    if estimated:
+        light, true = read_light(rendered_lights(scene)[0]), _true_light(truth)
+        out["centre"] = float(100 * np.linalg.norm(light.centre - true.centre) / truth["aim_distance"])
+        out["normal"] = angle(light.normal, true.normal)
+    return out
+
+
+def _true_light(truth: dict) -> AreaLight:
+    return AreaLight(*(np.array(truth[name]) for name in ("centre", "u", "v", "size", "radiance")))
 
 
 def _solved(folder: Path, truth: dict, estimated: bool) -> Path:
@@ -50,7 +62,7 @@ def _solved(folder: Path, truth: dict, estimated: bool) -> Path:
     if estimated:
         solution = drain(solving.estimate_light(scene, photo, quality="standard", model="area"))
     else:
-        write_light(scene, AreaLight(*(np.array(truth[name]) for name in ("centre", "u", "v", "size", "radiance"))))
+        write_light(scene, _true_light(truth))
         solution = drain(solving.solve_materials(scene, photo, quality="standard"))
     solving.apply(scene, image, solution)
     save_blend(path)
