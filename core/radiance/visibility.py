@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from functools import lru_cache
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from ..types import AreaLight, Array, Light, Mask, PointLight, Samples, SunLight, Visible
@@ -50,14 +51,16 @@ def visible_fractions(
     """Compute the same of several lights, (L, N), with all their rays at once, which costs less than one by one."""
     ask = np.arange(len(samples)) if settled is None else np.flatnonzero(np.isnan(settled))
     share = np.tile(np.ones(len(samples)) if settled is None else settled, (len(lights), 1))
-    point, normal, at = samples.point[ask], samples.normal[ask], pattern(len(samples), rays)[ask]
-    targets, weights = zip(*(_rays_to(light, point, normal, at, far) for light in lights), strict=True)
-    weight = np.stack(weights, axis=1)  # (n, L, rays)
-    together = weight.reshape(len(ask), len(lights) * rays)
-    start = np.tile(_begin(samples, rays)[ask], (1, len(lights), 1))
-    arrives = _cast(start, np.concatenate(targets, axis=1), together > 0, visible).reshape(weight.shape)
-    total = weight.sum(axis=2)
-    share[:, ask] = np.where(total > 0, (weight * arrives).sum(axis=2) / np.where(total > 0, total, 1.0), 1.0).T
+    each = max(_TOGETHER // (len(lights) * rays), 1)
+    for begin in range(0, len(ask), each):
+        some = ask[begin : begin + each]
+        point, normal, at = samples.point[some], samples.normal[some], pattern(len(samples), rays)[some]
+        targets, weights = zip(*(_rays_to(light, point, normal, at, far) for light in lights), strict=True)
+        weight = np.concatenate(weights, axis=1)
+        start = np.tile(_begin(samples, rays, some), (1, len(lights), 1))
+        arrives = _cast(start, np.concatenate(targets, axis=1), weight > 0, visible)
+        asked, came = (of.reshape(len(some), len(lights), rays).sum(axis=2) for of in (weight, weight * arrives))
+        share[:, some] = np.where(asked > 0, came / np.where(asked > 0, asked, 1.0), 1.0).T
     return share
 
 
@@ -84,7 +87,7 @@ def settled(light: Light, samples: Samples, visible: Visible, far: float, margin
     the rays saved here are spent on them.
     """
     target = _around(light, samples, far, margin)
-    start = _begin(samples, _PROBES)
+    start = _begin(samples, _PROBES, np.arange(len(samples)))
     above = np.einsum("ijk,ik->ij", target - samples.point[:, None], samples.normal) > 0
     arrives = _cast(start, target, above, visible)
     asked = above.sum(axis=1)
@@ -92,12 +95,12 @@ def settled(light: Light, samples: Samples, visible: Visible, far: float, margin
     return np.where(lit, 1.0, np.where(arrives.any(axis=1), np.nan, 0.0))
 
 
-def _begin(samples: Samples, rays: int) -> Array:
-    """Where shadow rays begin, (N, rays, 3): all over what each pixel shows, off its surface."""
-    start = (samples.point + samples.lift * samples.normal)[:, None]
+def _begin(samples: Samples, rays: int, some: NDArray[np.intp]) -> Array:
+    """Where shadow rays of some of the samples begin, (n, rays, 3): all over what each pixel shows, off its surface."""
+    start = (samples.point[some] + samples.lift * samples.normal[some])[:, None]
     if rays == 1 or samples.footprint is None:
-        return np.broadcast_to(start, (len(samples), rays, 3))
-    return start + _in_pixel(len(samples), rays) @ samples.footprint
+        return np.broadcast_to(start, (len(some), rays, 3))
+    return start + _in_pixel(len(samples), rays)[some] @ samples.footprint[some]
 
 
 @lru_cache(maxsize=16)
@@ -168,14 +171,10 @@ def openness(samples: Samples, visible: Visible, rays: int, far: float) -> Array
 def _cast(start: Array, target: Array, wanted: Mask, visible: Visible) -> Mask:
     """(N, K) bool: which of the wanted rays from start (N, 3) or (N, K, 3) to target (N, K, 3) arrive."""
     start = np.broadcast_to(start if start.ndim == 3 else start[:, None], target.shape)
-    arrives = np.zeros(wanted.shape, dtype=bool)
     # Neighbours' rays meet the same parts of a tree of triangles, which then still are in the processor's cache.
     near = cKDTree(start[:, 0]).indices
-    many = max(_TOGETHER // max(wanted.shape[1], 1), 1)
-    for begin in range(0, len(near), many):
-        some = near[begin : begin + many]
-        ask = wanted[some]
-        answer = np.zeros(ask.shape, dtype=bool)
-        answer[ask] = visible(start[some][ask], target[some][ask])
-        arrives[some] = answer
+    ask = wanted[near]
+    answer, arrives = np.zeros(wanted.shape, dtype=bool), np.zeros(wanted.shape, dtype=bool)
+    answer[ask] = visible(start[near][ask], target[near][ask])
+    arrives[near] = answer
     return arrives

@@ -7,7 +7,7 @@ import pytest
 
 from core.photo.samples import choose_samples
 from core.radiance.lights import facing
-from core.radiance.visibility import openness, pattern, settled, visible_fraction
+from core.radiance.visibility import openness, pattern, settled, visible_fraction, visible_fractions
 from core.types import PointLight, Samples, SunLight
 
 
@@ -53,6 +53,16 @@ def test_the_same_light_gives_the_same_fraction_and_a_settled_sample_keeps_its(b
     known = settled(light, samples, ball.visible, 0.0, 0.05)
     assert 0.3 < np.isfinite(known).mean() < 1
     np.testing.assert_allclose(visible_fraction(light, samples, ball.visible, 64, 0.0, known), once, atol=0.06)
+
+
+@pytest.mark.parametrize("together", [1, 1000, 1 << 20])
+def test_several_lights_at_once_are_as_one_by_one(ball, monkeypatch, together):
+    samples = choose_samples(ball.photo(ball.light()), ball.camera, ball.buffers, 200)
+    lights = [replace(ball.light(), size=by * ball.light().size) for by in (0.5, 1.0, 3.0)]
+    known = settled(lights[1], samples, ball.visible, 0.0, 0.0)
+    alone = [visible_fraction(light, samples, ball.visible, 32, 0.0, known) for light in lights]
+    monkeypatch.setattr("core.radiance.visibility._TOGETHER", together)
+    np.testing.assert_array_equal(visible_fractions(lights, samples, ball.visible, 32, 0.0, known), alone)
 
 
 def test_settled_samples_stay_settled_within_the_margin(ball):
