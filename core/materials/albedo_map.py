@@ -5,11 +5,10 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from ..types import Array, Mask
+from .scale import BRIGHT_PART, FULL, WELL_LIT
 
 _DARK = 0.02  # of the usual shading: below it a pixel says little about its albedo and its surroundings take over
 _WINDOWS = (4, 16, 64)  # of the picture's width: the surroundings, far ones first
-
-_WELL_LIT = 0.5  # of the usual shading: what varies there is texture
 _PLAIN = 0.003  # deviation of an albedo that counts as uniform
 _BEYOND = 4.0  # times as much as texture makes a pixel vary: anything more is none
 _NEAR = 7  # pixels of a window that says how much a photo varies
@@ -57,11 +56,32 @@ def around(photo: Array, shading: Array, albedo: Array, surface: NDArray[np.int3
     return np.clip(out, 0.0, 1.0)
 
 
+def no_brighter(texture: Array, photo: Array, shading: Array, surface: NDArray[np.int32], known: Mask) -> Array:
+    """Compute a texture (H, W, 3) that is nowhere brighter in a surface's dark parts than in its well lit ones.
+
+    What seems brighter there, such as the inside of a cup that little light is found to reach, is lit by more than the
+    shading knows of; it would outshine everything once an edit lights it. All else as in `around`.
+    """
+    out, bright = texture.copy(), np.mean(shading**2, axis=2)
+    for number in np.unique(surface[surface >= 0]):
+        of = surface == number
+        lit = _well_lit(bright, of & known)
+        if lit.any():
+            most = np.quantile(photo[lit] / np.maximum(shading[lit], 1e-300), BRIGHT_PART, axis=0)
+            out = np.where((of & ~lit)[..., None], np.minimum(out, most), out)
+    return out
+
+
+def _well_lit(bright: Array, of: Mask) -> Mask:
+    """Which of some pixels (H, W) get at least half of the full light among them, by their squared shading."""
+    lit = of & (bright > 0)
+    return lit & (bright >= WELL_LIT**2 * (np.quantile(bright[lit], FULL) if lit.any() else 0.0))
+
+
 def _texture(photo: Array, shading: Array, albedo: Array, of: Mask) -> float:
     """By how much (variance) a surface's albedo varies where it is well lit; plain ones by a little."""
     bright = np.mean(shading**2, axis=2)
-    lit = of & (bright > 0)
-    lit &= bright >= _WELL_LIT**2 * (np.median(bright[lit]) if lit.any() else 0.0)
+    lit = _well_lit(bright, of)
     off = np.mean((photo[lit] - albedo[lit] * shading[lit]) ** 2, axis=1)
     return max(float(np.mean(off / bright[lit])), _PLAIN**2) if lit.any() else _PLAIN**2
 
@@ -81,11 +101,11 @@ def noisy(photo: Array, shading: Array, albedo: Array, surface: NDArray[np.int32
         of = (surface == number) & known & (bright > 0)
         if not of.any():
             continue
-        usual, texture = np.median(bright[of]), _texture(photo, shading, albedo, of)
+        texture = _texture(photo, shading, albedo, of)
         share = ndimage.uniform_filter(of * 1.0, _NEAR)
         near = ndimage.uniform_filter(np.where(of, off, 0.0), _NEAR) / np.maximum(share, 1e-9)
         beyond = np.maximum(near - _BEYOND * texture * bright, 0.0) / texture
-        out = np.where(of & (bright < _WELL_LIT**2 * usual), beyond, out)
+        out = np.where(of & ~_well_lit(bright, of), beyond, out)
     return out[..., None]
 
 

@@ -13,8 +13,9 @@ from .radiometric import SCALE, Radiometry
 
 _DARKEST, _BRIGHTEST = 0.3, 0.98  # the brightest albedo of a scene, for its scale to be believed
 _TEXTURED = 0.08  # robust spread of a surface's residual over its mean: more is texture, not noise
-_WELL_LIT = 0.5  # of a surface's usual light: where its texture can be told
-_BRIGHT_PART = 0.98  # of a texture is no brighter than its bright parts
+WELL_LIT = 0.5  # of a surface's full light: where its texture can be told
+FULL = 0.9  # of a surface, by area, gets no more than its full light
+BRIGHT_PART = 0.98  # of a texture is no brighter than its bright parts
 _DARKER = 0.5  # at most: what is brighter still is no texture
 
 
@@ -61,10 +62,10 @@ def by_texture(found: Radiometry, samples: Samples) -> tuple[float, str]:
     model = np.maximum(samples.colour - found.residual, 0.0)
     for s in np.flatnonzero(textured):
         of = (samples.surface == s) & (samples.weight > 0)
-        usual = weighted_quantile(model[of].mean(axis=1), samples.weight[of], 0.5)
-        of &= model.mean(axis=1) > _WELL_LIT * usual
+        full = weighted_quantile(model[of].mean(axis=1), samples.weight[of], FULL)
+        of &= model.mean(axis=1) > WELL_LIT * full
         bright = (found.albedo[s] * samples.colour[of] / np.maximum(model[of], 1e-300)).max(axis=1)
-        most = max(most, weighted_quantile(bright, samples.weight[of], _BRIGHT_PART))
+        most = max(most, weighted_quantile(bright, samples.weight[of], BRIGHT_PART))
     if most == 1.0:
         return 1.0, SCALE
     return max(1 / most, _DARKER), "bright parts of textures reflect all they get, first light white"

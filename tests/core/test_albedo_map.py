@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from core.materials.albedo_map import albedo_map, around, noisy
+from core.materials.albedo_map import albedo_map, around, no_brighter, noisy
 from core.photo.noise import noise_of
 from core.types import Photo
 
@@ -108,3 +108,20 @@ def test_a_plain_surface_stays_plain_in_a_noisy_penumbra():
     surface, known = np.zeros(shape, np.int32), np.ones(shape, bool)
     nearby = around(0.5 * photo, shading, np.full((*shape, 3), 0.5), surface, known)
     assert np.sqrt(np.mean((nearby / 0.5 - 1) ** 2)) < 0.09  # 0.12 by squares
+
+
+def test_what_lights_the_dark_unknown_to_the_shading_is_no_albedo():
+    """Of a pattern half of which is dark, brighter there than the shading explains, as the inside of a cup is."""
+    rng = np.random.default_rng(7)
+    shape = (40, 80)
+    dark = np.broadcast_to(np.arange(80) < 50, shape)  # more than half: the median says nothing of full light
+    pattern = np.where(rng.uniform(size=shape) < 0.3, 0.5, 0.2)[..., None] * np.ones(3)
+    shading = np.where(dark, 0.15, 1.0)[..., None] * np.ones(3)
+    photo = pattern * (shading + 0.3 * dark[..., None])
+    surface, known = np.zeros(shape, np.int32), np.ones(shape, bool)
+    before = albedo_map(photo, shading, pattern)
+    found = no_brighter(before, photo, shading, surface, known)
+    assert before[dark].max() > 0.95
+    np.testing.assert_allclose(found[dark].max(), 0.5, rtol=1e-6)
+    np.testing.assert_array_equal(found[~dark], before[~dark])
+    np.testing.assert_array_equal(no_brighter(before, photo, shading, surface, ~known), before)

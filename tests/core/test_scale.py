@@ -46,6 +46,20 @@ def test_white_in_a_texture_reflects_no_more_than_it_gets():
     np.testing.assert_allclose(*product, rtol=1e-12)
 
 
+def test_the_dark_says_nothing_of_white():
+    """Six samples in ten are in the dark and lit by more than is known, as the inside of a cup is."""
+    samples, shading = made(0.9)
+    dark = np.random.default_rng(1).uniform(size=len(samples)) < 0.6
+    shading = np.where(dark[:, None], 0.1, 1.0) * shading
+    colour = np.where(dark[:, None], 0.1, 1.0) * samples.colour
+    before, *_ = solved(replace(samples, colour=colour), shading)
+    plain, _ = by_texture(before.radiometry, replace(samples, colour=colour))
+    odd = replace(samples, colour=np.where(dark[:, None], 3.0, 1.0) * colour)
+    residual = before.radiometry.residual + odd.colour - colour
+    assert by_texture(replace(before.radiometry, residual=residual), odd)[0] == pytest.approx(plain)
+    assert plain > 0.55
+
+
 @pytest.mark.parametrize(("bright", "many"), [(0.3, 0.5), (0.9, 0.005)], ids=["a faint pattern", "a few sparks"])
 def test_elsewhere_the_convention_stays(bright, many):
     samples, shading = made(bright, many)
