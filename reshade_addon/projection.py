@@ -1,8 +1,11 @@
 """A picture projected onto geometry from the camera that took it, by shader nodes: exact for any mesh.
 
-The node group's coordinates are those of a picture seen through the camera: u to the right and v up, 0..1 in frame.
-It holds the camera's numbers, so it is built anew when the camera or the picture's shape changes.
+The node group's coordinates are those of a picture seen through the camera: u to the right and v up, 0..1 in frame;
+and how far along the view a point is, in metres. It holds the camera's numbers, so it is built anew when the camera or
+the picture's shape changes.
 """
+
+from typing import NamedTuple
 
 import bpy
 import numpy as np
@@ -10,6 +13,8 @@ import numpy as np
 from ..core.types import Camera
 
 GROUP = "Reshade projection"
+OUTPUTS = {"UV": "NodeSocketVector", "Depth": "NodeSocketFloat"}
+HIDDEN = 1.002  # times as far as what the camera sees there: a point farther away is hidden
 BEHIND = 10.0  # added to u behind the camera, so that no picture is there
 
 
@@ -21,7 +26,9 @@ def projection_group(camera_object: bpy.types.Object, camera: Camera) -> bpy.typ
     group = bpy.data.node_groups.get(GROUP)
     if group is None:
         group = bpy.data.node_groups.new(GROUP, "ShaderNodeTree")
-        group.interface.new_socket("UV", in_out="OUTPUT", socket_type="NodeSocketVector")
+    for name, kind in OUTPUTS.items():
+        if name not in group.interface.items_tree:
+            group.interface.new_socket(name, in_out="OUTPUT", socket_type=kind)
     nodes, links = group.nodes, group.links
     nodes.clear()
 
@@ -56,20 +63,61 @@ def projection_group(camera_object: bpy.types.Object, camera: Camera) -> bpy.typ
         links.new(out.outputs[0], combine.inputs[axis])
     output = _node(group, "NodeGroupOutput", 400)
     links.new(combine.outputs[0], output.inputs["UV"])
+    depth = _node(group, "ShaderNodeMath", -400, "MULTIPLY")
+    links.new(separate.outputs["Z"], depth.inputs[0])
+    depth.inputs[1].default_value = -scale[2]
+    links.new(depth.outputs[0], output.inputs["Depth"])
     return group
+
+
+class Texture(NamedTuple):
+    """An unlit picture to project, and where it belongs."""
+
+    group: bpy.types.NodeTree
+    albedo: bpy.types.Image  # its alpha is 0 where it shows nothing
+    depth: bpy.types.Image  # how far along the view the camera sees, m
 
 
 def add_projection(
     tree: bpy.types.NodeTree, group: bpy.types.NodeTree, image: bpy.types.Image
 ) -> bpy.types.ShaderNodeTexImage:
     """Add to a material's nodes the image as the camera sees it; the image's alpha is 0 out of frame."""
+    return _picture(tree, _coordinates(tree, group), image, 200)
+
+
+def add_texture(tree: bpy.types.NodeTree, texture: Texture) -> tuple[bpy.types.NodeSocket, bpy.types.NodeSocket]:
+    """Add to a material's nodes a texture; returns its colour and where it counts: not on what something else hides."""
+    coordinates = _coordinates(tree, texture.group)
+    albedo = _picture(tree, coordinates, texture.albedo, 200)
+    depth = _picture(tree, coordinates, texture.depth, -100)
+    depth.interpolation = "Closest"  # between two surfaces there is nothing
+    farthest, seen, both = (tree.nodes.new("ShaderNodeMath") for _ in range(3))
+    for node, operation, x in ((farthest, "MULTIPLY", -600), (seen, "LESS_THAN", -500), (both, "MULTIPLY", -400)):
+        node.operation = operation
+        node.location = (x, -100)
+    tree.links.new(depth.outputs["Color"], farthest.inputs[0])
+    farthest.inputs[1].default_value = HIDDEN
+    tree.links.new(coordinates.outputs["Depth"], seen.inputs[0])
+    tree.links.new(farthest.outputs[0], seen.inputs[1])
+    tree.links.new(albedo.outputs["Alpha"], both.inputs[0])
+    tree.links.new(seen.outputs[0], both.inputs[1])
+    return albedo.outputs["Color"], both.outputs[0]
+
+
+def _coordinates(tree: bpy.types.NodeTree, group: bpy.types.NodeTree) -> bpy.types.Node:
     coordinates = tree.nodes.new("ShaderNodeGroup")
     coordinates.node_tree = group
     coordinates.location = (-900, 200)
+    return coordinates
+
+
+def _picture(
+    tree: bpy.types.NodeTree, coordinates: bpy.types.Node, image: bpy.types.Image, y: float
+) -> bpy.types.ShaderNodeTexImage:
     texture = tree.nodes.new("ShaderNodeTexImage")
     texture.image = image
     texture.extension = "CLIP"
-    texture.location = (-700, 200)
+    texture.location = (-700, y)
     tree.links.new(coordinates.outputs["UV"], texture.inputs["Vector"])
     return texture
 

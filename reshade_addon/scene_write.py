@@ -11,7 +11,7 @@ from ..core.materials.gloss import INDEX
 from ..core.radiance.light_units import energy_and_color, power_from_intensity, power_from_radiance
 from ..core.radiance.reflectance import coat_index
 from ..core.types import AreaLight, Array, Light, PointLight, SunLight, Surface
-from .projection import add_projection
+from .projection import Texture, add_projection, add_texture
 
 LIGHT = "Reshade light"
 WORLD = "Reshade ambient"
@@ -91,26 +91,24 @@ def write_world(scene: bpy.types.Scene, ambient: Array) -> None:
 def write_material(
     material: bpy.types.Material,
     surface: Surface,
-    group: bpy.types.NodeTree | None = None,
-    texture: bpy.types.Image | None = None,
+    texture: Texture | None = None,
 ) -> None:
     """Make a material what was solved for its surface: base colour and gloss, and nothing else of the shader.
 
-    group, texture : the projection and the unlit picture of a textured surface; its one albedo stays where the
-        picture shows nothing
+    texture : the unlit picture of a textured surface; its one albedo stays where the picture does not show it
     """
     shader = _bare_principled(material)
     colour = shader.inputs["Base Color"]
     colour.default_value = (*surface.albedo, 1.0)
     set_gloss(material, surface.specular, surface.roughness)
     material.diffuse_color = (*surface.albedo, 1.0)
-    if texture is not None and group is not None:
+    if texture is not None:
         tree = material.node_tree
-        image = add_projection(tree, group, texture)
+        shown, where = add_texture(tree, texture)
         mix = _mix(tree, "MIX", -400)
-        tree.links.new(image.outputs["Alpha"], mix.factor)
+        tree.links.new(where, mix.factor)
         mix.a.default_value = (*surface.albedo, 1.0)
-        tree.links.new(image.outputs["Color"], mix.b)
+        tree.links.new(shown, mix.b)
         tint = _mix(tree, "MULTIPLY", -200)
         tint.node.name = tint.node.label = TINT
         tint.factor.default_value = 1.0

@@ -16,10 +16,10 @@ from ..core.photo.response import straightened
 from ..core.pipeline import estimate, solve
 from ..core.progress import shifted
 from ..core.report import to_dict
-from ..core.types import AreaLight, Array, Buffers, Estimate, Light, Photo, Progress
+from ..core.types import AreaLight, Buffers, Camera, Estimate, Light, Photo, Progress
 from . import reference, scene_write
 from .photo_image import picture_image
-from .projection import projection_group
+from .projection import Texture, projection_group
 from .scene_copy import SceneCopy, original, packed, unpacked
 from .scene_read import (
     SceneView,
@@ -32,11 +32,11 @@ from .scene_read import (
     rendered_lights,
 )
 from .shadow_rays import shadow_rays
-from .texture import albedo_texture, texture_view
+from .texture import Unlit, albedo_texture, texture_view
 
 PIXELS_READ = {"draft": 30_000, "standard": 80_000, "accurate": 200_000}  # of the photo; the core chooses among them
 READ, SOLVED = 0.1, 0.8  # where these stages end on the progress bar
-TEXTURE = "Reshade albedo"
+TEXTURE, DEPTH = "Reshade albedo", "Reshade depth"
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +47,7 @@ class Solution:
     quality: str
     view: SceneView
     given_lights: tuple[str, ...] = ()  # objects that had their strengths solved; none: the lights are new
-    texture: Array | None = None  # (H, W, 4) albedo and coverage, where a surface is textured
+    texture: Unlit | None = None  # where a surface is textured
 
     def report(self, names: Sequence[str]) -> dict[str, Any]:
         """The report, given the names of the lights."""
@@ -120,10 +120,7 @@ def apply(scene: bpy.types.Scene, photo: bpy.types.Image, solution: Solution) ->
     if not solution.estimate:
         raise NothingToLearn(solution.estimate.message, "The scene is as it was")
     scene_write.write_photo(scene, perspective_camera(scene), photo)
-    texture = None
-    if solution.texture is not None:
-        texture = picture_image(TEXTURE, solution.texture, bpy.data.images.get(TEXTURE), encoded=True)
-    objects = _put(original(scene), solution, texture)
+    objects = _put(original(scene), solution, solution.texture)
     scene.reshade.photo = photo
     if not solution.given_lights:
         scene.reshade.response = solution.estimate.response
@@ -160,8 +157,11 @@ def _completed(
     return replace(solution, estimate=replace(solution.estimate, seconds=seconds))
 
 
-def _put(target: SceneCopy, solution: Solution, texture: bpy.types.Image | None) -> list[bpy.types.Object]:
-    """Give a scene the lights, world and materials of a solution. Returns the lights' objects."""
+def _put(target: SceneCopy, solution: Solution, unlit: Unlit | None) -> list[bpy.types.Object]:
+    """Give a scene the lights, world and materials of a solution. Returns the lights' objects.
+
+    unlit : the texture; without one textured surfaces get their one albedo
+    """
     scene, found = target.scene, solution.estimate
     if solution.given_lights:
         objects = [target.objects[name] for name in solution.given_lights]
@@ -170,17 +170,26 @@ def _put(target: SceneCopy, solution: Solution, texture: bpy.types.Image | None)
     else:
         objects = _write_lights(scene, found.lights)
     scene_write.write_world(scene, found.ambient)
-    group = projection_group(perspective_camera(scene), solution.view.camera) if texture else None
+    texture = _projected(scene, solution.view.camera, unlit) if unlit else None
     solved = {surface.name: surface for surface in found.surfaces}
     rest = scene_write.unseen(found.surfaces)
     for name in solution.view.geometry.materials:
         material = target.materials[name]
         surface = solved.get(name)
         if surface:
-            scene_write.write_material(material, surface, group, texture if surface.textured else None)
+            scene_write.write_material(material, surface, texture if surface.textured else None)
         elif scene_write.shows_photo(material):
             scene_write.write_material(material, replace(rest, name=name))
     return objects
+
+
+def _projected(scene: bpy.types.Scene, camera: Camera, unlit: Unlit) -> Texture:
+    images = bpy.data.images
+    return Texture(
+        projection_group(perspective_camera(scene), camera),
+        picture_image(TEXTURE, unlit.albedo, images.get(TEXTURE), encoded=True),
+        picture_image(DEPTH, np.repeat(unlit.depth[..., None], 3, axis=-1), images.get(DEPTH)),
+    )
 
 
 def _write_lights(scene: bpy.types.Scene, lights: Sequence[Light]) -> list[bpy.types.Object]:

@@ -1,7 +1,7 @@
 """The unlit texture of surfaces whose albedo varies: the photo with its shading divided out, as the camera sees it."""
 
 from collections.abc import Generator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import bpy
 import numpy as np
@@ -10,7 +10,7 @@ from scipy import ndimage
 
 from ..core.materials.albedo_map import albedo_map, around, no_brighter, noisy
 from ..core.materials.continuation import continued
-from ..core.types import Array, Buffers, Mask, Photo, Progress, Surface
+from ..core.types import Array, Buffers, Camera, Mask, Photo, Progress, Surface
 from . import scene_write
 from .render_depsgraph import settings
 from .rendering import render
@@ -19,6 +19,16 @@ from .scene_read import SceneView, read_camera
 PIXELS = {"draft": 250_000, "standard": 1_000_000, "accurate": 4_000_000}
 SAMPLES = {"draft": 32, "standard": 32, "accurate": 256}
 REACH = 3  # pixels a texture goes on past its surface's outline, where pixels are mixed
+
+
+@dataclass(frozen=True, slots=True)
+class Unlit:
+    """A texture without its light, as the camera sees it."""
+
+    albedo: Array  # (H, W, 4), and coverage
+    depth: (
+        Array  # (H, W) m along the view to the farthest of what the camera sees within REACH: beyond it all is hidden
+    )
 
 
 def texture_view(scene: bpy.types.Scene, view: SceneView, size: tuple[int, int], quality: str) -> SceneView:
@@ -36,8 +46,8 @@ def albedo_texture(
     surfaces: Sequence[Surface],
     materials: Mapping[str, bpy.types.Material],
     quality: str,
-) -> Generator[Progress, None, Array]:
-    """Compute each textured pixel's albedo and coverage, (H, W, 4), in the size of `view`'s camera.
+) -> Generator[Progress, None, Unlit]:
+    """Compute each textured pixel's albedo, in the size of `view`'s camera, and how far away it is.
 
     scene : with the estimated lights, and materials of one albedo each; its render over that albedo is the shading,
         shadows and interreflection included
@@ -69,11 +79,18 @@ def albedo_texture(
     texture = albedo_map(matt, shading, nearby, noisy(matt, shading, nearby, parts, pure))
     texture = no_brighter(texture, matt, shading, parts, pure)
     known = pure & textured[buffers.surface]
+    depth = depth_of(view.camera, buffers)
     if not known.any():
-        return np.zeros((height, width, 4))
+        return Unlit(np.zeros((height, width, 4)), depth)
     # A colour for every pixel, so that filtering at the outline mixes in nothing foreign.
     distance, nearest = ndimage.distance_transform_edt(~known, return_indices=True)
-    return np.concatenate([texture[tuple(nearest)], (distance <= REACH)[..., None]], axis=-1)
+    return Unlit(np.concatenate([texture[tuple(nearest)], (distance <= REACH)[..., None]], axis=-1), depth)
+
+
+def depth_of(camera: Camera, buffers: Buffers) -> Array:
+    """How far along the view the farthest of what is seen within REACH of each pixel is (H, W), m; 0 for nothing."""
+    along = (camera.to_world[:3, 3] - buffers.point) @ camera.to_world[:3, 2]
+    return np.asarray(ndimage.maximum_filter(np.where(buffers.surface >= 0, along, 0.0), 2 * REACH + 1, mode="nearest"))
 
 
 def _in_regions(

@@ -3,6 +3,7 @@
 import bpy
 import numpy as np
 import pytest
+from scipy import ndimage
 
 
 @pytest.fixture
@@ -17,6 +18,11 @@ def rendered(scene, load):
     scene.cycles.pixel_filter_type = "BOX"
     scene.cycles.filter_width = 0.01
     return load("core.progress").drain(load("reshade_addon.rendering").render(scene, 1))
+
+
+def far_away(load):
+    """A picture of depth from which nothing is hidden."""
+    return load("reshade_addon.photo_image").picture_image("far", np.full((72, 96, 3), 1e6))
 
 
 @pytest.mark.parametrize("camera_scale", [1.0, 3.0])
@@ -70,9 +76,11 @@ def test_a_textured_surface_shows_its_texture_where_there_is_one(tabletop, load,
     half[:, :48, 3] = 1.0
     texture = load("reshade_addon.photo_image").picture_image("half", half)
     read = load("reshade_addon.scene_read")
-    group = load("reshade_addon.projection").projection_group(scene.camera, read.read_camera(scene, (96, 72)))
+    projection = load("reshade_addon.projection")
+    group = projection.projection_group(scene.camera, read.read_camera(scene, (96, 72)))
     flat = np.array([0.1, 0.2, 0.3])
-    write.write_material(bpy.data.materials["Floor"], types.Surface("Floor", flat, 1), group, texture)
+    projected = projection.Texture(group, texture, far_away(load))
+    write.write_material(bpy.data.materials["Floor"], types.Surface("Floor", flat, 1), projected)
     # Under a sky alone, far from all that could shade it, a Lambert surface shows its albedo.
     for name in ("Ball", "Box"):
         bpy.data.objects[name].hide_render = True
@@ -86,13 +94,44 @@ def test_a_textured_surface_shows_its_texture_where_there_is_one(tabletop, load,
 def test_a_tint_recolours_a_textured_surface(tabletop, load, coordinates):
     scene, (picture, image) = tabletop, coordinates
     write, types, read = load("reshade_addon.scene_write"), load("core.types"), load("reshade_addon.scene_read")
-    group = load("reshade_addon.projection").projection_group(scene.camera, read.read_camera(scene, (96, 72)))
+    projection = load("reshade_addon.projection")
+    group = projection.projection_group(scene.camera, read.read_camera(scene, (96, 72)))
     material = bpy.data.materials["Floor"]
     assert write.colour_socket(material).default_value[0] == pytest.approx(0.6)
-    write.write_material(material, types.Surface("Floor", np.full(3, 0.5), 1), group, image)
+    texture = projection.Texture(group, image, far_away(load))
+    write.write_material(material, types.Surface("Floor", np.full(3, 0.5), 1), texture)
     write.colour_socket(material).default_value = (0.5, 1.0, 0.2, 1.0)
     for name in ("Ball", "Box"):
         bpy.data.objects[name].hide_render = True
     write.write_world(scene, np.ones(3))
     floor = np.s_[40:70, 2:94]
     np.testing.assert_allclose(rendered(scene, load)[floor], (picture * [0.5, 1.0, 0.2])[floor], atol=2e-3)
+
+
+@pytest.mark.parametrize("camera_scale", [1.0, 3.0])
+def test_what_something_hides_does_not_get_its_texture(tabletop, load, coordinates, camera_scale):
+    """Ball and box taken away, the floor shows its texture where the camera saw it, its one albedo where they stood."""
+    scene, (picture, image) = tabletop, coordinates
+    scene.camera.scale = (camera_scale, camera_scale, camera_scale)
+    bpy.context.view_layer.update()
+    write, types, drain = load("reshade_addon.scene_write"), load("core.types"), load("core.progress").drain
+    projection, read, texture = (load(f"reshade_addon.{name}") for name in ("projection", "scene_read", "texture"))
+    view = read.read_view(scene, (96, 72))
+    buffers = drain(read.read_buffers(view))
+    depth = load("reshade_addon.photo_image").picture_image(
+        "depth", np.dstack([texture.depth_of(view.camera, buffers)] * 3)
+    )
+    group = projection.projection_group(scene.camera, view.camera)
+    flat = np.array([0.1, 0.2, 0.3])
+    surface = types.Surface("Floor", flat, 1)
+    write.write_material(bpy.data.materials["Floor"], surface, projection.Texture(group, image, depth))
+    for name in ("Ball", "Box"):
+        bpy.data.objects[name].hide_render = True
+    write.write_world(scene, np.ones(3))
+    shown = rendered(scene, load)
+    floor = buffers.surface == buffers.names.index("Floor")
+    np.testing.assert_allclose(shown[floor], picture[floor], atol=2e-3)
+    stood = ndimage.binary_erosion(~floor & (buffers.surface >= 0), iterations=texture.REACH + 1)
+    assert stood.sum() > 100
+    # Where they touch the floor it is hidden by less than it goes back within a few pixels.
+    assert (np.abs(shown[stood] - flat).max(axis=1) < 1e-4).mean() > 0.95
