@@ -24,8 +24,9 @@ from .regions import regions
 from .sight import Asked, Effort, Sight, fields_along
 
 _LAST_RAYS = 1024  # of the last steps, at most: less noise than 1 % of what a penumbra shows
+_LAST_TIMES = 4  # as many as the photo is worth: a third of its noise
 _SLOPES = 2  # times as many rays in each of two sets of slopes as in other fits
-_WORTH_IT = 128  # rays a sample, for last steps to be taken: a photo explained to 1.5 % or so
+_WORTH_IT = 64  # rays a sample, for last steps to be taken: a photo explained to 2 % or so
 _LAST_SAMPLES = 4000  # half of them in penumbrae: their rays are what takes time
 _REGION_ROUNDS = 5  # of regions and light in turn
 _BOUNCE_ROUNDS = 2  # of what the photo does not show, by the light found
@@ -77,8 +78,9 @@ def polished_with_regions(
 def finished(sight: Sight, here: Asked, fit: LightFit, effort: Effort) -> Generator[Progress, None, LightFit]:
     """The polished fit after its last steps, if the effort has any and the photo is worth them, and how sure it is."""
     problem = here.problem(sight, len(here.samples), effort.polish_rays)
-    rays = rays_worth(fit, problem, _LAST_RAYS)
-    if effort.last_steps and rays >= _WORTH_IT:
+    worth = rays_worth(fit, problem, _LAST_RAYS)
+    if effort.last_steps and worth >= _WORTH_IT:
+        rays = min(_LAST_TIMES * worth, _LAST_RAYS)
         few = replace(problem.first(_LAST_SAMPLES), rays=rays)
         last = refined(few, fit, iterations=effort.last_steps, slope_rays=min(rays, _SLOPES * effort.fit_rays))
         fit, problem = (yield from watched(last, 0.0, 0.9, "Asking penumbrae with more rays")), few
