@@ -10,6 +10,7 @@ from ..types import Array, Mask
 
 _DARK = 0.05  # of the usual render: below it the photo over the render is no measure of anything
 _LARGEST_GAIN = 2.0  # of a change: where the photo is brighter than the render, something else lights it too
+_LARGEST_LOSS = 4.0  # where light goes: what else lights a cup's inside has mostly come from the same light
 _LOOKED_AT = 1000  # rows that say how bright a render usually is
 _ROWS = 128  # done at a time, so that a large photo needs no second one in memory
 _SEEN = 1 / 255  # of white, encoded by a square root: a smaller change is none
@@ -46,7 +47,7 @@ def combine(photo: Array, was: Array, is_now: Array, covered: Array) -> Array:
         here, before, now = photo[rows], was[rows], is_now[rows]
         square = doubt + np.square(np.maximum(now - before, 0.0))
         gain = (here * before + square * around.gain(first, len(here))) / (before**2 + square)
-        gain = np.clip(gain, 0.0, _LARGEST_GAIN)
+        gain = np.clip(gain, 0.0, np.where(now < before, _LARGEST_LOSS, _LARGEST_GAIN))
         share = covered[rows][..., None]
         change = (share + (1 - share) * gain) * (now - before) - share * (here - before)
         change -= (1 - share) * _neighbours_gone(here - gain * before, here, was, is_now, first)

@@ -32,6 +32,11 @@ def test_dimming_dims_texture_and_unexplained_brightness_alike(factor):
     np.testing.assert_allclose(combine(photo, WAS, factor * WAS, NONE), factor * photo, rtol=0.05, atol=5e-3)
 
 
+@pytest.mark.parametrize("factor", [0.0, 0.25, 0.9])
+def test_what_is_three_times_as_bright_as_its_render_goes_with_the_light(factor):
+    np.testing.assert_allclose(combine(3 * WAS, WAS, factor * WAS, NONE), 3 * factor * WAS, rtol=0.05, atol=0.01)
+
+
 def test_a_shadow_that_is_lit_up_gets_what_the_light_brings():
     """Where the render was dark the change is added, however small photo and render were."""
     was, photo = WAS.copy(), WAS.copy()
