@@ -26,9 +26,7 @@ class Unlit:
     """A texture without its light, as the camera sees it."""
 
     albedo: Array  # (H, W, 4), and coverage
-    depth: (
-        Array  # (H, W) m along the view to the farthest of what the camera sees within REACH: beyond it all is hidden
-    )
+    depth: Array  # (H, W) m, as of `depth_of`: what is farther away is hidden
 
 
 def texture_view(scene: bpy.types.Scene, view: SceneView, size: tuple[int, int], quality: str) -> SceneView:
