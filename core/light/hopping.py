@@ -19,7 +19,7 @@ from .problem import Problem
 _STEP = np.array([0.03] * 3 + [0.15] * 3 + [0.5] * 2)  # in the coordinates of `moved`, a standard deviation
 _NEAR_AND_FAR = (0.4, 1.0, 2.5)  # of the step, in turn
 _FIRST_LOOK, _MORE = 5, 8  # steps of a fit: after the first one that is far behind is given up
-_IN_THE_RUNNING = 0.1  # of negative log likelihood a sample,
+_FAR_BEHIND = 0.1  # of negative log likelihood a sample,
 _UNLIKELY = 10.0  # and of that of all samples, by those that are independent
 _RAYS = 8  # of a jump, at least
 _LEAST, _ASKED = 800, 3.0  # samples of a jump: at least, and for each that is independent
@@ -41,7 +41,7 @@ def hopped(
     if jumps == 0 or not isinstance(begun.light, AreaLight):
         return begun
     told = independent_count(problem, at_rest(begun, problem))
-    promising = min(_IN_THE_RUNNING, _UNLIKELY / told)
+    promising = min(_FAR_BEHIND, _UNLIKELY / told)
     rays = rays_worth(begun, problem, most_rays)
     rays_of_jump = max(rays, _RAYS)
     count = int(max(_LEAST, min(_ASKED * told, _MOST_RAYS / rays_of_jump)))

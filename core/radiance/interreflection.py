@@ -20,6 +20,7 @@ from scipy import sparse
 from scipy.spatial import cKDTree
 
 from ..camera import project
+from ..photo.samples import surface_means
 from ..types import Array, Buffers, Camera, Hits, Light, Mask, Meets, Photo, Samples, Visible
 from .lights import shading
 from .visibility import hemisphere, visible_fraction
@@ -74,11 +75,9 @@ def gather(
 def usual_radiance(around: Surroundings, samples: Samples) -> Array:
     """A first guess at the patches' radiance (R, 3): the mean of their surface, or of all."""
     mean = np.average(samples.colour, axis=0, weights=samples.weight)
-    of_surface = np.tile(mean, (len(samples.names) + 1, 1))  # the last for those that no sample shows
-    for s in np.unique(samples.surface):
-        of = samples.surface == s
-        of_surface[s] = np.average(samples.colour[of], axis=0, weights=samples.weight[of])
-    return of_surface[around.patch.surface]
+    shown = np.bincount(samples.surface, samples.weight, len(samples.names))[:, None] > 0
+    of_surface = np.where(shown, surface_means(samples, samples.colour), mean)
+    return np.vstack([of_surface, mean])[around.patch.surface]  # the last for those that no sample shows
 
 
 def patch_radiance(
