@@ -46,6 +46,7 @@ _BOUNCE_GAIN = 0.05  # of the logarithm of what is left over: interreflection th
 _SECOND_GAIN = 0.05  # of the same: a second light beside highlights that explains less is none
 _GLOSS_ROUNDS = 2  # of light and gloss in turn
 _RESPONSE_ROUNDS = 2  # of light and response in turn
+_KNOWN = {"draft": 128, "standard": 512, "accurate": 512}  # rays to what surrounds a sample, where no light is sought
 
 
 EFFORTS = {
@@ -187,7 +188,7 @@ def solve(
     clock, effort = Clock(), EFFORTS[quality]
     yield Progress(0.0, "Choosing samples")
     sight, samples = look(photo, camera, buffers, visible, meets, effort.samples)
-    here = yield from shifted(asked(sight, samples), 0.0, 0.15)
+    here = yield from shifted(asked(sight, samples, _KNOWN[quality]), 0.0, 0.15)
     clock.mark("samples")
     materials = yield from shifted(_materials(sight, here, lights, quality, card), 0.15, 0.6)
     divided = in_regions(here.samples, materials, at_samples(cut(photo, buffers), here.samples, buffers.stride))

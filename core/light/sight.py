@@ -7,7 +7,7 @@ import numpy as np
 
 from ..photo.samples import choose_samples, extent_of, first, hues
 from ..progress import watched
-from ..radiance.interreflection import Surroundings, gather, usual_radiance
+from ..radiance.interreflection import RAYS, Surroundings, gather, usual_radiance
 from ..radiance.lights import shading
 from ..radiance.visibility import openness, visible_fraction
 from ..types import Array, Buffers, Camera, Light, Meets, Photo, Progress, Samples, Visible
@@ -123,12 +123,12 @@ def look(
     return Sight(photo, camera, buffers, visible, meets, middle, extent), samples
 
 
-def asked(sight: Sight, samples: Samples) -> Generator[Progress, None, Asked]:
-    """Find out what surrounds samples."""
+def asked(sight: Sight, samples: Samples, rays: int = RAYS) -> Generator[Progress, None, Asked]:
+    """Find out what surrounds samples, by so many rays from each."""
     if sight.meets is None:
         samples = replace(samples, openness=openness(samples, sight.visible, 32, sight.far))
         return Asked(samples, None, samples.openness[:, None], np.zeros((len(samples), 0)))
-    gathering = gather(samples, sight.photo, sight.camera, sight.buffers, sight.meets)
+    gathering = gather(samples, sight.photo, sight.camera, sight.buffers, sight.meets, rays)
     around = yield from watched(gathering, 0.0, 1.0, "Gathering the light that surfaces send one another")
     samples = replace(samples, openness=around.samples.openness)
     fields = fields_along(samples, around.fields(usual_radiance(around, samples)))

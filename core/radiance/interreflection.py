@@ -25,8 +25,8 @@ from ..types import Array, Buffers, Camera, Hits, Light, Mask, Meets, Photo, Sam
 from .lights import shading
 from .visibility import hemisphere, visible_fraction
 
-RAYS = 128  # a sample, and a patch
-_PATCHES = 1200  # at most, of what the photo does not show
+RAYS = 128  # a sample, and a patch: enough for a fit
+_PATCHES = 1200  # of what the photo does not show, for as many rays
 _PATCH_RAYS = 16  # from each to the light
 _STEP = 200  # samples between two looks at the clock
 _NEAR = 3.0  # pixels: a hit and what the photo shows in its direction are the same place if no farther apart
@@ -58,17 +58,21 @@ class Surroundings:
 
 
 def gather(
-    samples: Samples, photo: Photo, camera: Camera, buffers: Buffers, meets: Meets
+    samples: Samples, photo: Photo, camera: Camera, buffers: Buffers, meets: Meets, rays: int = RAYS
 ) -> Generator[float, None, Surroundings]:
-    """Gather over each sample's and each patch's hemisphere; a generator that yields steps, returns `Surroundings`."""
-    photographed = (photo, camera, buffers)
-    seen, openness, owner, rest = yield from _looked(samples.point, samples.normal, samples.lift, meets, photographed)
-    some = np.arange(0, len(owner), max(len(owner) // _PATCHES, 1))
+    """Gather over each sample's and each patch's hemisphere; a generator that yields steps, returns `Surroundings`.
+
+    rays : from each of them. Their noise falls with the root of their number, and patches are made as much smaller
+    """
+    cast = (samples.lift, meets, (photo, camera, buffers), rays)
+    seen, openness, owner, rest = yield from _looked(samples.point, samples.normal, *cast)
+    patches = _PATCHES * (rays / RAYS) ** 0.5
+    some = np.arange(0, len(owner), max(int(len(owner) / patches), 1))
     at = Hits(rest.point[some], rest.normal[some], rest.surface[some])
     tree = cKDTree(_features(at, samples)) if len(some) else None
-    among_samples = Gathered(seen, openness, _shares(owner, rest, samples, tree, len(samples)))
-    seen, openness, owner, rest = yield from _looked(at.point, at.normal, samples.lift, meets, photographed)
-    among_patches = Gathered(seen, openness, _shares(owner, rest, samples, tree, len(some)))
+    among_samples = Gathered(seen, openness, _met(owner, rest, samples, tree, len(samples)) / rays)
+    seen, openness, owner, rest = yield from _looked(at.point, at.normal, *cast)
+    among_patches = Gathered(seen, openness, _met(owner, rest, samples, tree, len(some)) / rays)
     return Surroundings(among_samples, among_patches, _bare(at, samples.lift))
 
 
@@ -101,23 +105,23 @@ def patch_radiance(
 
 
 def _looked(
-    point: Array, normal: Array, lift: float, meets: Meets, photographed: tuple[Photo, Camera, Buffers]
+    point: Array, normal: Array, lift: float, meets: Meets, photographed: tuple[Photo, Camera, Buffers], rays: int
 ) -> Generator[float, None, tuple[Array, Array, NDArray[np.intp], Hits]]:
     """What comes from the photo (N, 3), openness (N,), and of the rays that met anything else: whose, and where."""
     seen, openness = np.zeros((len(point), 3)), np.zeros(len(point))
     owners, rests = [np.zeros(0, dtype=np.intp)], [Hits(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0, dtype=np.intp))]
-    ways, start = hemisphere(normal, RAYS), point + lift * normal
+    ways, start = hemisphere(normal, rays), point + lift * normal
     for first in range(0, len(point), _STEP):
         yield first / len(point)
         some = slice(first, first + _STEP)
         count = len(point[some])
-        owner = np.repeat(np.arange(first, first + count), RAYS)
+        owner = np.repeat(np.arange(first, first + count), rays)
         hits = meets(start[owner], ways[some].reshape(-1, 3))
         met = ~np.isnan(hits.point[:, 0])
         radiance, shown = _in_photo(hits, *photographed)
         for c in range(3):
-            seen[some, c] = np.bincount(owner[shown] - first, radiance[shown, c], count) / RAYS
-        openness[some] = 1 - np.bincount(owner[met] - first, minlength=count) / RAYS
+            seen[some, c] = np.bincount(owner[shown] - first, radiance[shown, c], count) / rays
+        openness[some] = 1 - np.bincount(owner[met] - first, minlength=count) / rays
         rest = met & ~shown
         owners.append(owner[rest])
         rests.append(Hits(hits.point[rest], hits.normal[rest], hits.surface[rest]))
@@ -125,14 +129,12 @@ def _looked(
     return seen, openness, np.concatenate(owners), Hits(*joined)
 
 
-def _shares(
-    owner: NDArray[np.intp], hits: Hits, samples: Samples, tree: cKDTree | None, count: int
-) -> sparse.csr_array:
-    """(count, R) share of each point's rays that met each patch: the nearest of the same surface and orientation."""
+def _met(owner: NDArray[np.intp], hits: Hits, samples: Samples, tree: cKDTree | None, count: int) -> sparse.csr_array:
+    """(count, R) rays of each point that met each patch: the nearest of the same surface and orientation."""
     if tree is None:
         return sparse.csr_array((count, 0))
     nearest = tree.query(_features(hits, samples))[1]
-    return sparse.csr_array((np.full(len(owner), 1 / RAYS), (owner, nearest)), shape=(count, tree.n))
+    return sparse.csr_array((np.ones(len(owner)), (owner, nearest)), shape=(count, tree.n))
 
 
 def _features(hits: Hits, samples: Samples) -> Array:
