@@ -23,11 +23,11 @@ from pathlib import Path
 
 import numpy as np
 
+from ..core.effort import EFFORTS
 from ..core.light.polish import finished
 from ..core.light.search import Searched, search
 from ..core.light.sight import look
 from ..core.light.uncertainty import INTERVAL, uncertainty_of
-from ..core.pipeline import EFFORTS
 from ..core.progress import drain
 from ..core.radiance.lights import moved, reach_of, shading_gradient
 from ..core.types import AreaLight, Array, Photo, Samples

@@ -20,7 +20,7 @@ import numpy as np
 from mathutils import Matrix
 
 from ..core.color import linear_to_srgb
-from ..core.pipeline import QUALITIES
+from ..core.effort import QUALITIES
 from ..core.progress import drain
 from ..core.radiance.lights import with_strength
 from ..core.types import Array

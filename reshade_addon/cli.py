@@ -16,6 +16,7 @@ from typing import Any
 import bpy
 import numpy as np
 
+from ..core.effort import QUALITIES
 from ..core.errors import ReshadeError
 from ..core.light.hints import FORMS, parse
 from ..core.materials.scale import Card
@@ -26,7 +27,7 @@ from . import dehighlight, paint, photo_image, photo_io, reference, scene_write,
 from .blend_file import open_blend, save_blend
 from .console import Console, Parser, ended
 from .files import Outputs
-from .properties import MODELS, QUALITIES
+from .properties import MODELS
 from .reshading import reshade, reshade_layers
 from .residual import residual_picture
 from .scene_read import read_light, silhouette

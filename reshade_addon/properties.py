@@ -6,7 +6,6 @@ from typing import Any
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
 
-QUALITIES = ("draft", "standard", "accurate")
 MODELS = ("auto", "area", "point", "sun")
 
 

@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..effort import Effort
 from ..photo.segmentation import at_samples, pieces
 from ..progress import shifted, watched
 from ..radiance.lights import coordinates, resized
@@ -20,7 +21,7 @@ from .fit import LightFit, at_rest
 from .model_choice import independent_count
 from .polish import heard, polished
 from .problem import Problem, State, model_jacobian, score
-from .sight import Asked, Effort, Sight
+from .sight import Asked, Sight
 
 _GAIN = 10.0  # of the Bayesian criterion: very strong evidence
 _MUCH = 0.003  # of the mean brightness, root mean square: what a richer ambient has to explain

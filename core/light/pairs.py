@@ -12,12 +12,13 @@ from itertools import combinations
 
 import numpy as np
 
+from ..effort import Effort
 from ..photo.samples import first
 from ..types import Array, Light
 from .cues import grid
 from .fit import LightFit, at_rest
 from .problem import brightness, several_terms
-from .sight import Asked, Effort, Sight
+from .sight import Asked, Sight
 from .starts import Judge, find_starts, left_over
 
 _WORTH_FITTING = 0.1  # of the logarithm of what is left over: what a pair has to explain of it

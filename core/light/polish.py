@@ -9,6 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..effort import Effort
 from ..photo.pooling import pooled
 from ..photo.samples import choose_samples, hues, subset
 from ..photo.segmentation import Labels
@@ -21,7 +22,7 @@ from .fit import LightFit, fit_light, rays_worth, with_covariance
 from .problem import Problem
 from .refinement import refined
 from .regions import regions
-from .sight import Asked, Effort, Sight, fields_along
+from .sight import Asked, Sight, fields_along
 
 _LAST_RAYS = 256, 1024  # of the last steps, at least and at most: less noise than 1 % of what a penumbra shows
 _SLOPES = 2  # times as many rays in each of two sets of slopes as in other fits

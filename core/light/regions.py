@@ -5,12 +5,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..effort import Effort
 from ..photo.segmentation import Labels, at_samples, by_albedo, in_segments
 from ..progress import watched
 from ..types import Light, Progress, Samples
 from .fit import LightFit, fit_light
 from .hopping import hopped
-from .sight import Asked, Effort, Sight
+from .sight import Asked, Sight
 
 _GAIN = 0.1  # of negative log likelihood a sample: what several albedos a surface have to explain
 

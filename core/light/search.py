@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..effort import Effort
 from ..photo.samples import first
 from ..photo.segmentation import cut
 from ..progress import shifted, watched
@@ -33,7 +34,7 @@ from .polish import enriched, heard, polished, polished_with_regions
 from .problem import Problem, brightness, score
 from .regions import divided, regions
 from .second_light import second_light
-from .sight import Asked, Effort, Sight, asked
+from .sight import Asked, Sight, asked
 from .starts import Judge, Start, find_starts
 from .thesis_minimisers import fit_light_bfgs, fit_light_powell
 

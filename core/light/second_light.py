@@ -11,6 +11,7 @@ from math import comb
 
 import numpy as np
 
+from ..effort import Effort
 from ..progress import watched
 from ..radiance.lights import coordinates, facing
 from ..types import AreaLight, Candidate, Light, Progress, SunLight
@@ -20,7 +21,7 @@ from .model_choice import independent_count
 from .pair_fit import fit_pair
 from .pairs import likely_pairs, places_tried
 from .problem import brightness
-from .sight import Asked, Effort, Sight
+from .sight import Asked, Sight
 
 _GAIN = 0.1  # of negative log likelihood a sample: what the second light has to explain
 # ... and it has to be this much of the mean brightness, root mean square: where the first light leaves next to nothing,

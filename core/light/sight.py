@@ -19,28 +19,6 @@ FAR = 60.0  # of the scene's extent: as good as infinity for a shadow ray
 
 
 @dataclass(frozen=True, slots=True)
-class Effort:
-    """What a quality buys."""
-
-    samples: int  # for the last fit and the materials
-    pool: int  # from which those in penumbrae are subset
-    search_total: int  # for starts and fits from them
-    fit_samples: int
-    fit_rays: int
-    polish_rays: int  # for the last fit
-    most_rays: int  # for jumps and the last fit, where a photo is explained so well that they are worth it
-    search_samples: int
-    refine_samples: int
-    directions: int
-    starts: int
-    suns: int
-    finalists: int
-    tolerance: float  # of the loss, to end a fit
-    last_steps: int  # with so many rays that a photo's noise, not theirs, is what is left (`refinement`)
-    jumps: int  # out of small hollows of the loss (`hopping`)
-
-
-@dataclass(frozen=True, slots=True)
 class Sight:
     """A photo and what is known of its scene before any light is."""
 

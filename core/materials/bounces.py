@@ -40,7 +40,8 @@ class Bounces:
 
     around: Surroundings
     falling: Array  # (R, L) of each light at unit strength on what the photo does not show, shadows included
-    factor: float | None = None  # by which the photo's radiance counts, over the first light's; None: to be found
+    # By which the photo's radiance counts, over the first light's, in each channel (3,) or all alike; None: to be found
+    factor: Array | float | None = None
     told: bool = False  # whether the photo tells it clearly
 
     def first(self, count: int) -> "Bounces":
@@ -107,7 +108,8 @@ def _solved_once(
     roughly: bool = False,
 ) -> tuple[Radiometry, Array, _Guess]:
     """As `solved`, with what the photo does not show as bright as a guess makes it; and a better guess."""
-    around, factor, surfaces = bounces.around, bounces.factor or 0.0, len(samples.names)
+    around, surfaces = bounces.around, len(samples.names)
+    factor = 0.0 if bounces.factor is None else bounces.factor
     group = _grouped(around.patch, surfaces)
     # A sliver at the photo's edge tells the colour of its wall less well than the light that the wall sends does.
     told = np.append(np.bincount(samples.surface, samples.weight > 0, surfaces) >= _TELLING, np.zeros(_SIDES, bool))

@@ -27,6 +27,8 @@ _BENT = 0.94  # cosine between smooth normal and face: 20 degrees
 _ENOUGH = 8  # samples of a surface
 _EVIDENT = 10.0  # gain of the Bayesian criterion, as for a highlight
 _SILENT = 4.0  # loss of it, which the one unknown more costs alone
+_LEAST_LEFT = 1e-6  # of the light, under a coat
+_CARD_ROUNDS, _CARD_SETTLED = 12, 3e-4  # of a card's scale and the light that other surfaces send, in turn
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,8 +70,7 @@ def solve_materials(
     if bounces is not None and bounces.factor is None:
         factor, told = bounce_factor(samples, shading, bounces, with_ambient)
         bounces = replace(bounces, factor=factor, told=told)
-    found, bounced = solved(samples, shading, bounces, with_ambient)
-    found = to_card(found, samples.names, card) if card else found
+    found, bounced, bounces = _to_scale(samples, shading, bounces, with_ambient, card)
     names, matt = samples.names, None
     gloss, considered = [MATT] * len(names), [MATT] * len(names)
     fits: dict[int, GlossFit] = {}
@@ -103,12 +104,13 @@ def solve_materials(
                 for i in (i for i in rest if speak[i] > -_SILENT):
                     gloss[i] = replace(MATT, strength=strength, width=width)
         before = found
-        found, bounced, matt = _without_gloss(samples, lit, gloss, bounces, with_ambient)
-        found = to_card(found, names, card) if card else found
+        base, left, matt = _without_gloss(samples, lit, gloss)
+        found, bounced, bounces = _to_scale(base, lit.shading * left[:, None], bounces, with_ambient, card, left)
+        bounced = None if bounced is None else bounced / np.maximum(left, _LEAST_LEFT)[:, None]
         # The convention of scale moves with the albedos; the highlights themselves stay as bright.
         factor = float(before.strengths.sum() / max(found.strengths.sum(), 1e-300))
         gloss = [replace(one, strength=min(one.strength * factor, STRONGEST)) for one in gloss]
-    factor = 0.0 if bounces is None or bounces.factor is None else bounces.factor
+    factor = 0.0 if bounces is None or bounces.factor is None else float(np.mean(bounces.factor))
     told = bounces is not None and bounces.told
     return Materials(found, bounced, factor, told, tuple(gloss), tuple(considered), matt)
 
@@ -176,10 +178,37 @@ def absolute(materials: Materials, samples: Samples) -> tuple[Materials, str]:
     return replace(materials, radiometry=scaled(found, by), gloss=gloss), words
 
 
-def _without_gloss(
-    samples: Samples, lit: Lit, gloss: Sequence[Gloss], bounces: Bounces | None, with_ambient: bool
-) -> tuple[Radiometry, Array | None, Samples]:
-    """As `bounces.solved`, on samples less their highlights, under what the coats leave; and what is left of them."""
+def _to_scale(
+    samples: Samples,
+    shading: Array,
+    bounces: Bounces | None,
+    with_ambient: bool,
+    card: Card | None,
+    left: Array | None = None,
+) -> tuple[Radiometry, Array | None, Bounces | None]:
+    """As `bounces.solved`, but to the scale of a card where there is one, and with what that says of the factor.
+
+    A card says how strong the first light is, and with that by how much the photo's radiance counts, better than the
+    photo itself does.
+    """
+    found, bounced = solved(samples, shading, bounces, with_ambient, left)
+    found = to_card(found, samples.names, card) if card else found
+    if card is None or bounces is None or bounces.factor is None:
+        return found, bounced, bounces
+    factor = bounces.factor * np.ones(3)
+    for _ in range(_CARD_ROUNDS):
+        before, strength = factor, found.strengths[0]
+        factor = np.where(strength > 0, 1 / np.where(strength > 0, strength, 1.0), before)
+        if np.allclose(factor, before, rtol=_CARD_SETTLED, atol=0.0):
+            break
+        bounces = replace(bounces, factor=factor)
+        found, bounced = solved(samples, shading, bounces, with_ambient, left)
+        found = to_card(found, samples.names, card)
+    return found, bounced, bounces
+
+
+def _without_gloss(samples: Samples, lit: Lit, gloss: Sequence[Gloss]) -> tuple[Samples, Array, Samples]:
+    """Samples less their highlights, what the coats leave to the bases (N,), and what the bases alone would show."""
     specular, left = np.zeros((len(samples), 3)), np.ones(len(samples))
     for i, one in enumerate(gloss):
         if one:
@@ -187,7 +216,4 @@ def _without_gloss(
             some = subset(samples, of)
             specular[of], left[of] = specular_term(some, lit.of(of), one), base_share(some, one)
     base = replace(samples, colour=samples.colour - specular, openness=samples.openness * left)
-    found, bounced = solved(base, lit.shading * left[:, None], bounces, with_ambient, left)
-    share = np.maximum(left, 1e-6)[:, None]
-    matt = replace(samples, colour=base.colour / share)
-    return found, None if bounced is None else bounced / share, matt
+    return base, left, replace(samples, colour=base.colour / np.maximum(left, _LEAST_LEFT)[:, None])

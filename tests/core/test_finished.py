@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from core.effort import EFFORTS
 from core.light import polish
 from core.light.fit import fit_light, rays_worth
 from core.light.sight import asked, look
-from core.pipeline import EFFORTS
 from core.progress import drain
 from core.radiance.lights import moved, reach_of
 

@@ -7,6 +7,7 @@ import pytest
 
 from core.assembly import united
 from core.materials.bounces import Bounces, falling
+from core.materials.scale import Card
 from core.materials.solve import absolute, borne_out, solve_materials
 from core.pipeline import solve
 from core.progress import drain
@@ -77,7 +78,12 @@ def integrating_sphere(count=500):
     return samples, around, PointLight(np.array([0.3, 0.2, -0.9]), np.ones(3))
 
 
-def test_what_the_photo_does_not_show_is_lit_by_its_surroundings():
+@pytest.mark.parametrize(
+    ("factor", "card"),
+    [(1.0, None), (1.0, Card("lower", np.full(3, LOWER))), (0.7, Card("lower", np.full(3, LOWER)))],
+    ids=["told by the photo", "with a card", "put right by a card"],
+)
+def test_what_the_photo_does_not_show_is_lit_by_its_surroundings(factor, card):
     """In a sphere every place gets the same from the others: the mean of k E over 1 - the mean of k."""
     samples, around, light = integrating_sphere()
     albedo = np.where(samples.surface == 0, LOWER, UPPER)
@@ -88,10 +94,12 @@ def test_what_the_photo_does_not_show_is_lit_by_its_surroundings():
     def visible(start, target):
         return np.ones(len(start), dtype=bool)
 
-    bounces = Bounces(around, falling(around, [light], visible, 100.0), 1 / STRENGTH, told=True)
+    bounces = Bounces(around, falling(around, [light], visible, 100.0), factor / STRENGTH, told=True)
     lit = direct[:, None]
-    steps = solve_materials(seen, [light], lit, np.ones_like(lit), with_ambient=False, bounces=bounces, rounds=0)
-    found, _ = absolute(drain(steps), seen)
+    steps = solve_materials(
+        seen, [light], lit, np.ones_like(lit), with_ambient=False, bounces=bounces, card=card, rounds=0
+    )
+    found = drain(steps) if card else absolute(drain(steps), seen)[0]
     # What a sample receives from the others is known from 128 rays.
     np.testing.assert_allclose(found.radiometry.albedo, np.array([[LOWER], [UPPER]]) * np.ones(3), rtol=0.03)
     np.testing.assert_allclose(found.radiometry.strengths, STRENGTH, rtol=0.03)

@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from core.effort import EFFORTS
 from core.light.polish import enriched
 from core.light.sight import look
-from core.pipeline import EFFORTS
 from core.radiance.lights import reach_of
 from core.radiance.visibility import settled
 
