@@ -49,6 +49,7 @@ _EXACT = 0.02  # of what is left over in units of that: no surface is explained 
 _TOGETHER = 8.0  # samples that err together, as neighbours do, and count as one
 _GAIN = 10.0  # of the Bayesian criterion: very strong evidence
 _SHARE = 0.04  # of the radiance that must be highlight where the highlight is strongest
+_AS_LIKELY = 4.0  # twice a difference in log likelihood: two deviations
 _SURE = 0.3  # of a width's logarithm: a wider interval (two deviations to either side) says too little
 _LIT = 0.99  # visible share of a light that counts as all of it
 _LEVELS = (0.0, 0.1, 0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 5.0, 8.0, 12.0)  # the coat's share is interpolated between
@@ -138,10 +139,10 @@ class GlossFit:
         self.cosine = _incidence(self.samples, self.lit)
         return self
 
-    def fit(self, strength: float | None = None) -> Gloss:
+    def fit(self, strength: float | None = None, usual: float | None = None) -> Gloss:
         """Find the best gloss, evident or not; MATT where the samples are too few or matt fits best.
 
-        strength : known, and not fitted
+        strength : known, and not fitted; usual : the width, where the highlight is not evident and no other fits better
         """
         if self.hopeless:
             return MATT
@@ -158,10 +159,13 @@ class GlossFit:
         evidence = worse(matt.left) - unknowns * float(np.log(max(count, 2.0)))
         if best.strength <= 0:
             return replace(MATT, model=self.model, evidence=evidence)
-        likely = [x for x in tried if worse(tried[x].left) < 4.0]
+        likely = [x for x in tried if worse(tried[x].left) < _AS_LIKELY]
         sure = max(likely) - min(likely) < _SURE
         seen = strength is not None or best.share > _SHARE
-        return Gloss(best.strength, float(np.exp(at)), self.model, evidence, bool(sure and seen and evidence > _GAIN))
+        evident = bool(sure and seen and evidence > _GAIN)
+        if usual is not None and not evident and worse(self.at(usual, strength).left) < _AS_LIKELY:
+            at = np.log(usual)
+        return Gloss(best.strength, float(np.exp(at)), self.model, evidence, evident)
 
     def at(self, width: float, strength: float | None) -> _Fitted:
         """Fit albedo and strength, or albedo alone under a strength that is given."""

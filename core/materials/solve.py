@@ -93,16 +93,16 @@ def solve_materials(
         strength, width = (float(np.median([getattr(one, name) for one in evident])) for name in ("strength", "width"))
         for i in range(len(names)):
             if not gloss[i] and considered[i].evidence > _EVIDENT:
-                as_others = fits[i].fit(strength)
+                as_others = fits[i].fit(strength, width)
                 if as_others.evidence > _EVIDENT:
-                    gloss[i] = replace(as_others, width=as_others.width if as_others.evident else width, evident=False)
+                    gloss[i] = replace(as_others, evident=False)
         rest = [i for i in range(len(names)) if not gloss[i] and len(fits[i].samples)]
         if len(rest) < sum(map(bool, gloss)):
             # Most have a coat. One takes a twentieth from its base even where nothing of it shows.
-            speak = {i: fits[i].fit(strength).evidence for i in rest}
-            if all(evidence > -_EVIDENT for evidence in speak.values()):
-                for i in (i for i in rest if speak[i] > -_SILENT):
-                    gloss[i] = replace(MATT, strength=strength, width=width)
+            speak = {i: fits[i].fit(strength, width) for i in rest}
+            if all(one.evidence > -_EVIDENT for one in speak.values()):
+                for i in (i for i in rest if speak[i].evidence > -_SILENT):
+                    gloss[i] = replace(MATT, strength=strength, width=speak[i].width if speak[i] else width)
         before = found
         base, left, matt = _without_gloss(samples, lit, gloss)
         found, bounced, bounces = _to_scale(base, lit.shading * left[:, None], bounces, with_ambient, card, left)
