@@ -148,6 +148,18 @@ def test_what_shows_no_gloss_is_as_most_others_unless_it_speaks_against(count, g
     np.testing.assert_allclose(found.radiometry.albedo[0], ALBEDO[0], rtol=0.01)
 
 
+@pytest.mark.parametrize(("usual", "wanted"), [(0.4, 0.25), (0.26, 0.26)], ids=["clearly better", "as likely"])
+def test_a_coat_beside_its_highlight_has_the_usual_width_unless_another_is_clearly_better(usual, wanted):
+    samples = plane_and_ball()
+    lit = lit_by(samples, [LIGHT], [[1.0, 1.0, 1.0]])
+    samples = photographed(samples, lit, [Gloss(0.5, 0.25), MATT])
+    to_light = LIGHT.centre - samples.point
+    half = samples.view + to_light / np.linalg.norm(to_light, axis=1, keepdims=True)
+    beside = (samples.surface == 0) & (half[:, 2] < 0.9 * np.linalg.norm(half, axis=1))  # facets tilted by 26 degrees
+    found = GlossFit(subset(samples, beside), lit.of(beside)).fit(0.5, usual)
+    assert not found.evident and found.width == pytest.approx(wanted, rel=0.02)
+
+
 def test_two_lights_on_gloss():
     other = replace(facing(np.array([-1.5, 0.5, 1.2]), np.zeros(3), 0.3), radiance=np.ones(3))
     samples = plane_and_ball()
