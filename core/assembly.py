@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from .color import linear_to_srgb
-from .light.ambient import CONSTANT, NAMES, Ambient
-from .materials.radiometric import SCALE
+from .light.ambient import CONSTANT, NAMES, SMOOTH, Ambient
+from .materials.radiometric import AXES, SCALE
 from .materials.scale import textured_surfaces
 from .materials.solve import Materials
 from .photo.noise import noise_of
@@ -21,7 +21,7 @@ _UNTRUSTED = 0.6  # share of the photo's variation left over, above which no lig
 
 def _named(materials: Materials, samples: Samples, ambient: Ambient | None) -> str:
     """What the solve took into account, in words."""
-    around = NAMES[ambient.model] if ambient else "constant ambient"
+    around = NAMES[ambient.model] if ambient else "constant ambient" if materials.radiometry.sky is None else "sky"
     glossy = [name for name, one in zip(samples.names, materials.gloss, strict=True) if one]
     bounced = ", interreflection" if materials.bounced is not None else ""
     return f", {around}{bounced}" + (f", gloss of {', '.join(glossy)}" if glossy else ", no gloss")
@@ -42,10 +42,16 @@ def _ambient_model(materials: Materials, ambient: Ambient | None) -> str:
     """What the ambient is, as the report calls it."""
     if not materials.radiometry.ambient.any():
         return "none" if materials.bounced is None else "interreflected"
-    return ambient.model if ambient else CONSTANT
+    if ambient:
+        return ambient.model
+    return CONSTANT if materials.radiometry.sky is None else SMOOTH
 
 
 def _levels(materials: Materials, samples: Samples, ambient: Ambient | None) -> tuple[AmbientLevel, ...]:
+    sky = materials.radiometry.sky
+    if sky is not None:
+        middle, share = np.average(samples.point, axis=0, weights=samples.weight), len(samples) / len(AXES)
+        return tuple(AmbientLevel(middle, axis, level, share) for axis, level in zip(AXES, sky, strict=True))
     if ambient is None or not materials.radiometry.ambient.any():
         return ()
     held = samples.weight @ ambient.parts * len(samples) / samples.weight.sum()

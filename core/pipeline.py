@@ -18,7 +18,7 @@ from .light.search import Searched, search, with_second, without_highlights
 from .light.sight import Asked, Sight, asked, look
 from .light.uncertainty import uncertainty_of
 from .materials.ambient import richer_ambient
-from .materials.radiometric import left_over
+from .materials.radiometric import CONSTANT, SKY, left_over
 from .materials.scale import Card
 from .materials.solve import Materials, absolute, in_regions
 from .materials.under_lights import materials_under
@@ -36,6 +36,7 @@ from .types import (
     Meets,
     Photo,
     Progress,
+    SunLight,
     Tried,
     Visible,
 )
@@ -147,12 +148,15 @@ def solve(
     sight, samples = look(photo, camera, buffers, visible, meets, effort.samples)
     here = yield from shifted(asked(sight, samples, effort.around_rays), 0.0, 0.15)
     clock.mark("samples")
-    materials = yield from shifted(materials_under(sight, here, lights, effort, card), 0.15, 0.6)
+    # A sky beside a sun that is a little off would make up for that: it is for suns that are known.
+    outdoors = SKY if isinstance(lights[0], SunLight) else CONSTANT
+    materials = yield from shifted(materials_under(sight, here, lights, effort, card, ambient=outdoors), 0.15, 0.6)
     divided = in_regions(here.samples, materials, at_samples(cut(photo, buffers), here.samples, buffers.stride))
     if len(divided.names) > len(samples.names):
         here = replace(here, samples=divided)
-        materials = yield from shifted(materials_under(sight, here, lights, effort, card), 0.6, 1.0)
-    ambient, looked = richer_ambient(sight, here, lights[0], materials)
+        materials = yield from shifted(materials_under(sight, here, lights, effort, card, ambient=outdoors), 0.6, 1.0)
+    constant = materials.radiometry.sky is None
+    ambient, looked = richer_ambient(sight, here, lights[0], materials) if constant else (None, ())
     if ambient:
         here = here.under(ambient)
         materials = yield from shifted(materials_under(sight, here, lights, effort, card), 0.8, 1.0)

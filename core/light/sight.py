@@ -5,9 +5,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..photo.samples import choose_samples, extent_of, first, hues
+from ..photo.samples import choose_samples, extent_of, first, hues, surface_means
 from ..progress import watched
-from ..radiance.interreflection import RAYS, Surroundings, gather, usual_radiance
+from ..radiance.interreflection import RAYS, Surroundings, gather
 from ..radiance.lights import shading
 from ..radiance.visibility import openness, visible_fraction
 from ..types import Array, Buffers, Camera, Light, Meets, Photo, Progress, Samples, Visible
@@ -117,3 +117,11 @@ def fields_along(samples: Samples, sent: Sequence[Array]) -> Array:
     """Openness and each field (N, 3) that surfaces send as brightness along a sample's surface's hue: (N, K)."""
     along = hues(samples)[samples.surface] ** 2
     return np.column_stack([samples.openness, *(np.einsum("ij,ij->i", field, along) for field in sent)])
+
+
+def usual_radiance(around: Surroundings, samples: Samples) -> Array:
+    """A first guess at the patches' radiance (R, 3): the mean of their surface, or of all."""
+    mean = np.average(samples.colour, axis=0, weights=samples.weight)
+    shown = np.bincount(samples.surface, samples.weight, len(samples.names))[:, None] > 0
+    of_surface = np.where(shown, surface_means(samples, samples.colour), mean)
+    return np.vstack([of_surface, mean])[around.patch.surface]  # the last for those that no sample shows

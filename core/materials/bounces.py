@@ -62,29 +62,29 @@ def falling(around: Surroundings, lights: Sequence[Light], visible: Visible, far
 
 
 def solved(
-    samples: Samples, shading: Array, bounces: Bounces | None, with_ambient: bool, left: Array | None = None
+    samples: Samples, shading: Array, bounces: Bounces | None, ambient: str, left: Array | None = None
 ) -> tuple[Radiometry, Array | None]:
     """The radiometric solve, and the light from other surfaces (N, 3) over the first light's strength.
 
     left : (N,) share of what other surfaces send that is left for the diffuse bases
     """
     if bounces is None:
-        return solve_radiometry(samples, shading, with_ambient=with_ambient), None
+        return solve_radiometry(samples, shading, ambient=ambient), None
     share = np.ones(len(samples)) if left is None else left
     some = slice(_SEARCHED)  # enough to know what the photo does not show
     few = first(samples, _SEARCHED), shading[some], bounces.first(_SEARCHED), share[some]
-    _, guess = _guessed(*few, with_ambient)
-    found, bounced, _ = _solved_once(samples, shading, bounces, share, with_ambient, guess)
+    _, guess = _guessed(*few, ambient)
+    found, bounced, _ = _solved_once(samples, shading, bounces, share, ambient, guess)
     return found, bounced
 
 
 def _guessed(
-    samples: Samples, shading: Array, bounces: Bounces, share: Array, with_ambient: bool
+    samples: Samples, shading: Array, bounces: Bounces, share: Array, ambient: str
 ) -> tuple[Radiometry, "_Guess"]:
     """A rough solve, and how bright what the photo does not show is."""
     guess = _Guess(np.full((len(samples.names) + _SIDES, 3), _USUAL), np.ones((shading.shape[1], 3)), np.zeros(3))
     for _ in range(_EXCHANGES):
-        found, _, guess = _solved_once(samples, shading, bounces, share, with_ambient, guess, roughly=True)
+        found, _, guess = _solved_once(samples, shading, bounces, share, ambient, guess, roughly=True)
     return found, guess
 
 
@@ -102,7 +102,7 @@ def _solved_once(
     shading: Array,
     bounces: Bounces,
     share: Array,
-    with_ambient: bool,
+    ambient: str,
     guess: _Guess,
     *,
     roughly: bool = False,
@@ -124,7 +124,7 @@ def _solved_once(
     terms = [shading[..., None] * np.ones(3), *(share[:, None, None] * field[:, None] for field in foreign.values())]
     bounced = share[:, None] * sent
     lit = np.concatenate(terms, axis=1)
-    found = solve_radiometry(samples, lit, with_ambient=with_ambient, bounced=bounced, roughly=roughly)
+    found = solve_radiometry(samples, lit, ambient=ambient, bounced=bounced, roughly=roughly)
     own, others = np.split(found.strengths, [shading.shape[1]])
     power = np.maximum(own[0], 1e-300)
     albedo = guess.albedo.copy()
@@ -154,14 +154,14 @@ def _exchanged(shade: Array, albedo: Array, between: Gathered) -> Array:
     return bright
 
 
-def bounce_factor(samples: Samples, shading: Array, bounces: Bounces, with_ambient: bool) -> tuple[float, bool]:
+def bounce_factor(samples: Samples, shading: Array, bounces: Bounces, ambient: str) -> tuple[float, bool]:
     """By how much light from surfaces that the photo shows counts, for least to be left, and whether it is clear."""
     some, lit, near = first(samples, _SEARCHED), shading[:_SEARCHED], bounces.first(_SEARCHED)
 
     def left(factor: float) -> float:
-        return left_over(some, _guessed(some, lit, replace(near, factor=factor), np.ones(len(some)), with_ambient)[0])
+        return left_over(some, _guessed(some, lit, replace(near, factor=factor), np.ones(len(some)), ambient)[0])
 
-    bare = solve_radiometry(some, lit, with_ambient=with_ambient, roughly=True)
+    bare = solve_radiometry(some, lit, ambient=ambient, roughly=True)
     product = float(np.average((bare.strengths[0] * bare.albedo[some.surface]).mean(axis=1), weights=some.weight))
     if product <= 0:
         return 0.0, False

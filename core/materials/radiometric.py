@@ -6,6 +6,9 @@ with k held, so the two are solved in turn, the second by non-negative least squ
 
 Only products of strength and albedo show (thesis 4.3.1). Convention: the first light is white, and the largest channel
 of any albedo is 0.8.
+
+Under a sky A depends on where a surface is turned to, in each channel by itself. What a distant surrounding sends is
+nearly linear in the normal n (Ramamoorthi and Hanrahan 2001): A sums levels at six axes a, weighted by (1 + n.a) / 6.
 """
 
 from dataclasses import dataclass, replace
@@ -17,7 +20,10 @@ from ..types import Array, Samples
 
 LARGEST_ALBEDO = 0.8
 SCALE = "largest albedo channel 0.8, first light white: only strength times albedo can be seen"
+NONE, CONSTANT, SKY = "none", "constant", "sky"  # what an ambient may be
 _COLOUR_GAIN = 0.02  # of the logarithm of what is left over: 2 % less
+AXES = np.vstack([np.eye(3), -np.eye(3)])  # (6, 3) directions
+_SKY_GAIN = 0.004  # of the same; without a sky the photos of suns that were tried gain 0.001 at most
 _ROUNDS = 200
 _SETTLED, _ROUGHLY = 1e-6, 1e-3  # change of a round, of the unknowns
 _DIM = 0.25  # of the light a surface usually gets at its brightest
@@ -29,24 +35,25 @@ class Radiometry:
     """What the solve found, and what it leaves over."""
 
     strengths: Array  # (L, 3) radiance, intensity or irradiance of each light
-    ambient: Array  # (3,) radiance of the world
+    ambient: Array  # (3,) radiance of the world, its mean over the samples
     albedo: Array  # (S, 3), 0 for surfaces without samples
     residual: Array  # (N, 3) photo less model, radiance
     converged: bool
+    sky: Array | None = None  # (6, 3) radiance at normals along AXES, where the ambient is no constant
 
 
 def solve_radiometry(
     samples: Samples,
     shading: Array,
     *,
-    with_ambient: bool = True,
+    ambient: str = CONSTANT,
     bounced: Array | None = None,
     roughly: bool = False,
 ) -> Radiometry:
     """Solve for strengths, albedos and ambient.
 
     shading : (N, L) or (N, L, 3) of each light at unit strength, shadows included
-    with_ambient : False holds the ambient at zero
+    ambient : NONE holds it at zero, SKY lets it be one, where that leaves less over
     bounced : (N, 3) what other surfaces send, over the first light's strength
     roughly : to a thousandth, with an ambient of whatever colour fits best: an eighth of the work
     Residuals beyond their surface's usual spread count less (soft-L1), so highlights and unmodelled things do not pull.
@@ -57,32 +64,44 @@ def solve_radiometry(
     if bounced is not None:
         lit[:, 0] += bounced
     settled = _ROUGHLY if roughly else _SETTLED
-    coloured = _solve(samples, lit, samples.openness * float(with_ambient), settled)
+    coloured = _solve(samples, lit, samples.openness[:, None] * float(ambient != NONE), settled)
     if roughly or not np.any(coloured.ambient > 0):
         return coloured
     plain = _with_plain_ambient(samples, lit, coloured)
-    return coloured if left_over(samples, coloured) < left_over(samples, plain) - _COLOUR_GAIN else plain
+    best = coloured if left_over(samples, coloured) < left_over(samples, plain) - _COLOUR_GAIN else plain
+    if ambient == SKY:
+        under_sky = _solve(samples, lit, samples.openness[:, None] * _towards_axes(samples.normal), settled)
+        best = under_sky if left_over(samples, under_sky) < left_over(samples, best) - _SKY_GAIN else best
+    return best
+
+
+def _towards_axes(normal: Array) -> Array:
+    """The weights (N, 6) of levels along AXES for normals (N, 3); they sum to one."""
+    return (1 + normal @ AXES.T) / len(AXES)
 
 
 def _solve(samples: Samples, shading: Array, ambient: Array, settled: float) -> Radiometry:
-    """Solve for lights of shading (N, L, 3) and an ambient of shading (N,) and any colour."""
-    terms = np.concatenate([shading, np.repeat(ambient[:, None, None], 3, axis=2)], axis=1)
+    """Solve for lights of shading (N, L, 3) and an ambient of levels of shading (N, K) and any colour."""
+    lights = shading.shape[1]
+    terms = np.concatenate([shading, np.repeat(ambient[..., None], 3, axis=2)], axis=1)
     parts = np.zeros((3, terms.shape[1]))
     albedo = np.zeros((3, len(samples.names)))
     converged = True
     for channel in range(3):
         parts[channel], albedo[channel], at_rest = _solve_channel(
-            samples, terms[..., channel], samples.colour[:, channel], settled
+            samples, terms[..., channel], lights, samples.colour[:, channel], settled
         )
         converged &= at_rest
     residual = samples.colour - albedo.T[samples.surface] * np.einsum("ntc,ct->nc", terms, parts)
     scale = np.max(albedo) / LARGEST_ALBEDO if np.any(albedo > 0) else 1.0
+    level, share = scale * parts[:, lights:].T, samples.weight @ ambient
     return Radiometry(
-        strengths=scale * parts[:, :-1].T,
-        ambient=scale * parts[:, -1],
+        strengths=scale * parts[:, :lights].T,
+        ambient=share @ level / max(float(share.sum()), 1e-300),
         albedo=(albedo / scale).T,
         residual=residual,
         converged=converged,
+        sky=level if len(level) > 1 else None,
     )
 
 
@@ -91,7 +110,7 @@ def _with_plain_ambient(samples: Samples, shading: Array, coloured: Radiometry) 
 
     def with_share(ratio: float) -> Radiometry:
         first = shading[:, :1] + ratio * samples.openness[:, None, None]
-        found = _solve(samples, np.concatenate([first, shading[:, 1:]], axis=1), np.zeros(len(samples)), _SETTLED)
+        found = _solve(samples, np.concatenate([first, shading[:, 1:]], axis=1), np.zeros((len(samples), 1)), _SETTLED)
         return replace(found, ambient=ratio * found.strengths[0])
 
     lit = coloured.strengths[0] > 0
@@ -110,14 +129,15 @@ def left_over(samples: Samples, found: Radiometry) -> float:
     return total / float(samples.weight.sum())
 
 
-def _solve_channel(samples: Samples, terms: Array, value: Array, settled: float) -> tuple[Array, Array, bool]:
-    """One channel: parts (L + 1,), the first light's at 1; albedo times its strength (S,); whether it settled."""
+def _solve_channel(
+    samples: Samples, terms: Array, lights: int, value: Array, settled: float
+) -> tuple[Array, Array, bool]:
+    """One channel: parts (L + K,), the first light's at 1; albedo times its strength (S,); whether it settled."""
     from scipy.optimize import nnls
 
     surfaces = len(samples.names)
     parts = np.zeros(terms.shape[1])
-    parts[0] = 1.0
-    parts[1:-1] = 1.0
+    parts[:lights] = 1.0
     weight = samples.weight.copy()
     product = _per_surface(samples, terms @ parts, value, weight, surfaces)
     for _ in range(_ROUNDS):

@@ -37,7 +37,8 @@ def to_card(found: Radiometry, names: Sequence[str], card: Card) -> Radiometry:
 
 def scaled(found: Radiometry, by: Array | float) -> Radiometry:
     """The same solve with albedos so many times as bright, by channel (3,) or all alike, and lights as much weaker."""
-    return replace(found, strengths=found.strengths / by, ambient=found.ambient / by, albedo=found.albedo * by)
+    sky = None if found.sky is None else found.sky / by
+    return replace(found, strengths=found.strengths / by, ambient=found.ambient / by, sky=sky, albedo=found.albedo * by)
 
 
 def by_bounces(found: Radiometry, factor: float) -> tuple[float, str]:

@@ -18,7 +18,7 @@ from ..photo.segmentation import Labels, by_albedo
 from ..types import AreaLight, Array, Light, Progress, Samples
 from .bounces import Bounces, bounce_factor, solved
 from .gloss import MATT, STRONGEST, Gloss, GlossFit, Lit, base_share, specular_term, towards
-from .radiometric import Radiometry
+from .radiometric import CONSTANT, Radiometry
 from .scale import Card, by_bounces, by_texture, scaled, to_card
 
 _ROUNDS = 2
@@ -50,7 +50,7 @@ def solve_materials(
     shading: Array,
     visible: Array,
     *,
-    with_ambient: bool = True,
+    ambient: str = CONSTANT,
     bounces: Bounces | None = None,
     card: Card | None = None,
     rounds: int = _ROUNDS,
@@ -68,9 +68,9 @@ def solve_materials(
             f"Name one of {', '.join(samples.names)}",
         )
     if bounces is not None and bounces.factor is None:
-        factor, told = bounce_factor(samples, shading, bounces, with_ambient)
+        factor, told = bounce_factor(samples, shading, bounces, ambient)
         bounces = replace(bounces, factor=factor, told=told)
-    found, bounced, bounces = _to_scale(samples, shading, bounces, with_ambient, card)
+    found, bounced, bounces = _to_scale(samples, shading, bounces, ambient, card)
     names, matt = samples.names, None
     gloss, considered = [MATT] * len(names), [MATT] * len(names)
     fits: dict[int, GlossFit] = {}
@@ -105,7 +105,7 @@ def solve_materials(
                     gloss[i] = replace(MATT, strength=strength, width=speak[i].width if speak[i] else width)
         before = found
         base, left, matt = _without_gloss(samples, lit, gloss)
-        found, bounced, bounces = _to_scale(base, lit.shading * left[:, None], bounces, with_ambient, card, left)
+        found, bounced, bounces = _to_scale(base, lit.shading * left[:, None], bounces, ambient, card, left)
         bounced = None if bounced is None else bounced / np.maximum(left, _LEAST_LEFT)[:, None]
         # The convention of scale moves with the albedos; the highlights themselves stay as bright.
         factor = float(before.strengths.sum() / max(found.strengths.sum(), 1e-300))
@@ -182,7 +182,7 @@ def _to_scale(
     samples: Samples,
     shading: Array,
     bounces: Bounces | None,
-    with_ambient: bool,
+    ambient: str,
     card: Card | None,
     left: Array | None = None,
 ) -> tuple[Radiometry, Array | None, Bounces | None]:
@@ -191,7 +191,7 @@ def _to_scale(
     A card says how strong the first light is, and with that by how much the photo's radiance counts, better than the
     photo itself does.
     """
-    found, bounced = solved(samples, shading, bounces, with_ambient, left)
+    found, bounced = solved(samples, shading, bounces, ambient, left)
     found = to_card(found, samples.names, card) if card else found
     if card is None or bounces is None or bounces.factor is None:
         return found, bounced, bounces
@@ -202,7 +202,7 @@ def _to_scale(
         if np.allclose(factor, before, rtol=_CARD_SETTLED, atol=0.0):
             break
         bounces = replace(bounces, factor=factor)
-        found, bounced = solved(samples, shading, bounces, with_ambient, left)
+        found, bounced = solved(samples, shading, bounces, ambient, left)
         found = to_card(found, samples.names, card)
     return found, bounced, bounces
 

@@ -12,7 +12,7 @@ from ..radiance.lights import shading
 from ..radiance.visibility import visible_fraction
 from ..types import Light, Progress
 from .bounces import Bounces, falling
-from .radiometric import left_over
+from .radiometric import CONSTANT, left_over
 from .scale import Card
 from .solve import Materials, solve_materials
 
@@ -26,11 +26,13 @@ def materials_under(
     effort: Effort,
     card: Card | None = None,
     bounce: float | None = None,
+    ambient: str = CONSTANT,
 ) -> Generator[Progress, None, Materials]:
     """Solve for the materials under lights that stay where they are.
 
     card : a surface of known albedo, which gives all of them their scale
     bounce : how much other surfaces send, where a fit has told: if nothing, they are left out
+    ambient : what it may be, as `solve_radiometry` says
     Raises ReshadeError where the photo does not show the card.
     """
     samples = here.samples
@@ -44,10 +46,12 @@ def materials_under(
     bounces = None
     if here.around is not None and (bounce is None or bounce > 0):
         bounces = Bounces(here.around, falling(here.around, lights, sight.visible, sight.far))
-        matt = yield from solve_materials(samples, lights, lit, seen, bounces=bounces, rounds=0)
+        matt = yield from solve_materials(samples, lights, lit, seen, ambient=ambient, bounces=bounces, rounds=0)
         bounces = replace(bounces, factor=matt.factor, told=matt.told)
-        without = yield from solve_materials(samples, lights, lit, seen, rounds=0)
+        without = yield from solve_materials(samples, lights, lit, seen, ambient=ambient, rounds=0)
         gain = left_over(samples, without.radiometry) - left_over(samples, matt.radiometry)
         bounces = bounces if gain > _BOUNCE_GAIN else None
-    steps = solve_materials(samples, lights, lit, seen, bounces=bounces, card=card, rounds=effort.gloss_rounds)
+    steps = solve_materials(
+        samples, lights, lit, seen, ambient=ambient, bounces=bounces, card=card, rounds=effort.gloss_rounds
+    )
     return (yield from shifted(steps, 0.4, 1.0))

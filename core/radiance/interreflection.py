@@ -20,7 +20,6 @@ from scipy import sparse
 from scipy.spatial import cKDTree
 
 from ..camera import project
-from ..photo.samples import surface_means
 from ..types import Array, Buffers, Camera, Hits, Light, Mask, Meets, Photo, Samples, Visible
 from .lights import shading
 from .visibility import hemisphere, visible_fraction
@@ -74,14 +73,6 @@ def gather(
     seen, openness, owner, rest = yield from _looked(at.point, at.normal, *cast)
     among_patches = Gathered(seen, openness, _met(owner, rest, samples, tree, len(some)) / rays)
     return Surroundings(among_samples, among_patches, _bare(at, samples.lift))
-
-
-def usual_radiance(around: Surroundings, samples: Samples) -> Array:
-    """A first guess at the patches' radiance (R, 3): the mean of their surface, or of all."""
-    mean = np.average(samples.colour, axis=0, weights=samples.weight)
-    shown = np.bincount(samples.surface, samples.weight, len(samples.names))[:, None] > 0
-    of_surface = np.where(shown, surface_means(samples, samples.colour), mean)
-    return np.vstack([of_surface, mean])[around.patch.surface]  # the last for those that no sample shows
 
 
 def patch_radiance(

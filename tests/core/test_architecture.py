@@ -13,7 +13,7 @@ ROOT = Path(__file__).resolve().parents[2]
 # Earlier to later: a module or package of the core may import those of the lines above its own, and inside a package no
 # two modules may need each other. Put a new one on the earliest line it can stand on.
 STAGES = (
-    ("errors", "types"),
+    ("effort", "errors", "types"),
     ("camera", "color", "progress"),
     ("radiance",),  # what lights send and surfaces make of it
     ("photo",),  # what a photo shows before any light is known

@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 
+from core.light.sight import usual_radiance
 from core.photo.samples import choose_samples
 from core.pipeline import estimate
 from core.progress import drain
-from core.radiance.interreflection import gather, patch_radiance, usual_radiance
+from core.radiance.interreflection import gather, patch_radiance
 from core.radiance.light_units import intensity_from_power
 from core.radiance.lights import shading
 from core.types import AreaLight, Buffers, Camera, Hits, Photo, PointLight, Samples

@@ -7,6 +7,7 @@ import pytest
 
 from core.assembly import united
 from core.materials.bounces import Bounces, falling
+from core.materials.radiometric import NONE
 from core.materials.scale import Card
 from core.materials.solve import absolute, borne_out, solve_materials
 from core.pipeline import solve
@@ -96,9 +97,7 @@ def test_what_the_photo_does_not_show_is_lit_by_its_surroundings(factor, card):
 
     bounces = Bounces(around, falling(around, [light], visible, 100.0), factor / STRENGTH, told=True)
     lit = direct[:, None]
-    steps = solve_materials(
-        seen, [light], lit, np.ones_like(lit), with_ambient=False, bounces=bounces, card=card, rounds=0
-    )
+    steps = solve_materials(seen, [light], lit, np.ones_like(lit), ambient=NONE, bounces=bounces, card=card, rounds=0)
     found = drain(steps) if card else absolute(drain(steps), seen)[0]
     # What a sample receives from the others is known from 128 rays.
     np.testing.assert_allclose(found.radiometry.albedo, np.array([[LOWER], [UPPER]]) * np.ones(3), rtol=0.03)
@@ -129,7 +128,7 @@ def test_normals_that_the_mesh_does_not_bear_out_do_not_count():
     )  # fmt: skip
     samples = replace(samples, footprint=across)
     np.testing.assert_array_equal(borne_out(samples, [light]), ~leaning)
-    found = drain(solve_materials(samples, [light], seen, np.where(leaning, 0.0, 1.0)[:, None], with_ambient=False))
+    found = drain(solve_materials(samples, [light], seen, np.where(leaning, 0.0, 1.0)[:, None], ambient=NONE))
     ratio = found.radiometry.albedo[1] / found.radiometry.albedo[0]
     np.testing.assert_allclose(ratio, 0.4 / 0.7, rtol=1e-3)
     assert borne_out(replace(samples, footprint=None), [light]).all()

@@ -1,11 +1,13 @@
 """The radiometric solve recovers what made the samples: thesis 4.3.1, on data it can explain exactly."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from core.materials.radiometric import LARGEST_ALBEDO, solve_radiometry
+from core.materials.radiometric import AXES, LARGEST_ALBEDO, NONE, SKY, solve_radiometry
 from core.types import Samples
 
 
@@ -62,7 +64,33 @@ def test_highlights_do_not_pull():
 
 def test_without_ambient_there_is_none():
     samples, shading = made(np.full((1, 3), 5.0), np.full(3, 0.3), ALBEDO)
-    assert not solve_radiometry(samples, shading, with_ambient=False).ambient.any()
+    assert not solve_radiometry(samples, shading, ambient=NONE).ambient.any()
+
+
+@pytest.mark.parametrize("tilt", [(0.0, 0.0, 0.5), (0.2, -0.3, 0.3)])
+def test_a_sky_that_is_linear_in_direction_is_solved_exactly(tilt):
+    """Of radiance a + b.w it sends a surface of normal n a + 2/3 b.n, in each colour another."""
+    strengths, even = np.full((1, 3), 5.0), np.array([0.5, 0.6, 0.9])
+    samples, shading = made(strengths, np.zeros(3), ALBEDO)
+    normal = np.random.default_rng(1).normal(size=(len(samples), 3))
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    sent = even + 2 / 3 * (normal @ tilt)[:, None] * np.array([0.2, 0.6, 1.0])
+    lit = shading @ strengths + samples.openness[:, None] * sent
+    samples = replace(samples, normal=normal, colour=ALBEDO[samples.surface] * lit)
+    found = solve_radiometry(samples, shading, ambient=SKY)
+    np.testing.assert_allclose(found.strengths, strengths, rtol=1e-3)
+    np.testing.assert_allclose(found.albedo, ALBEDO, rtol=1e-3)
+    np.testing.assert_allclose((1 + normal @ AXES.T) / 6 @ found.sky, sent, rtol=5e-3)
+    np.testing.assert_allclose(found.ambient, np.average(sent, axis=0, weights=samples.openness), rtol=5e-3)
+
+
+def test_a_constant_ambient_is_no_sky():
+    samples, shading = made(np.full((1, 3), 5.0), np.array([0.3, 0.2, 0.1]), ALBEDO)
+    normal = np.random.default_rng(1).normal(size=(len(samples), 3))
+    samples = replace(samples, normal=normal / np.linalg.norm(normal, axis=1, keepdims=True))
+    found = solve_radiometry(samples, shading, ambient=SKY)
+    assert found.sky is None
+    np.testing.assert_allclose(found.ambient, [0.3, 0.2, 0.1], rtol=1e-4)
 
 
 def test_a_surface_that_no_light_reaches_is_black_not_wild():

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from core.materials.radiometric import LARGEST_ALBEDO, SCALE, solve_radiometry
+from core.materials.radiometric import LARGEST_ALBEDO, NONE, SCALE, solve_radiometry
 from core.materials.scale import by_bounces, by_texture, textured_surfaces
 from core.materials.solve import absolute, solve_materials
 from core.progress import drain
@@ -30,7 +30,7 @@ def made(bright, many=0.5, count=800):
 def solved(samples, shading):
     """Materials, matt, and what `absolute` makes of them."""
     light = replace(facing(np.array([0.0, 0.0, 3.0]), np.zeros(3), 1.0), radiance=np.ones(3))
-    steps = solve_materials(samples, [light], shading, np.ones_like(shading), with_ambient=False, rounds=0)
+    steps = solve_materials(samples, [light], shading, np.ones_like(shading), ambient=NONE, rounds=0)
     found = drain(steps)
     return found, *absolute(found, samples)
 
@@ -70,13 +70,13 @@ def test_elsewhere_the_convention_stays(bright, many):
 
 def test_what_is_brighter_by_far_is_no_texture():
     samples, shading = made(20.0, 0.1)
-    by, _ = by_texture(solve_radiometry(samples, shading, with_ambient=False), samples)
+    by, _ = by_texture(solve_radiometry(samples, shading, ambient=NONE), samples)
     assert by == 0.5
 
 
 def test_bounces_that_ask_for_no_albedos_do_not_count():
     samples, shading = made(0.9)
-    found = solve_radiometry(samples, shading, with_ambient=False)
+    found = solve_radiometry(samples, shading, ambient=NONE)
     strength = found.strengths[0].mean()
     assert by_bounces(found, 0.5 / strength)[0] == pytest.approx(0.5)
     assert by_bounces(found, 0.0) == (1.0, SCALE) and by_bounces(found, 2.0 / strength) == (1.0, SCALE)
