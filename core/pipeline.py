@@ -7,7 +7,7 @@ command line drain them and either can stop between two steps.
 from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass, replace
 
-from .assembly import Clock, assembled, failed, united
+from .assembly import BY_DIRECTION, Clock, assembled, failed, united
 from .effort import EFFORTS, Effort
 from .light.ambient_choice import with_richer_ambient
 from .light.fit import LightFit, explained
@@ -41,9 +41,9 @@ from .types import (
     Visible,
 )
 
-_SECOND_GAIN = (
-    0.05  # of the logarithm of what is left over: a second light beside highlights that explains less is none
-)
+# Of the logarithm of what is left over:
+_SECOND_GAIN = 0.05  # a second light beside highlights that explains less is none
+_SKY_GAIN = 0.015  # beside an estimated light six levels have to explain that: they would make up for one a little off
 _GLOSS_ROUNDS = 2  # of light and gloss in turn
 _RESPONSE_ROUNDS = 2  # of light and response in turn
 
@@ -148,7 +148,6 @@ def solve(
     sight, samples = look(photo, camera, buffers, visible, meets, effort.samples)
     here = yield from shifted(asked(sight, samples, effort.around_rays), 0.0, 0.15)
     clock.mark("samples")
-    # A sky beside a sun that is a little off would make up for that: it is for suns that are known.
     outdoors = SKY if isinstance(lights[0], SunLight) else CONSTANT
     materials = yield from shifted(materials_under(sight, here, lights, effort, card, ambient=outdoors), 0.15, 0.6)
     divided = in_regions(here.samples, materials, at_samples(cut(photo, buffers), here.samples, buffers.stride))
@@ -224,8 +223,9 @@ def _settled(
     here, fit = found.asked, found.fit
     looked: tuple[Candidate, ...] = ()
 
-    def under(light: Light, asked: Asked) -> Generator[Progress, None, Materials]:
-        return materials_under(sight, asked, (light, *_others(found)), effort, bounce=found.bounce)
+    def under(light: Light, asked: Asked, ambient: str = CONSTANT) -> Generator[Progress, None, Materials]:
+        lights = (light, *_others(found))
+        return materials_under(sight, asked, lights, effort, bounce=found.bounce, ambient=ambient)
 
     materials, there = (yield from shifted(under(fit.light, here), 0.0, 0.33)), here
     for turn in range(_GLOSS_ROUNDS):
@@ -246,7 +246,13 @@ def _settled(
             materials = yield from shifted(under(fit.light, here), 0.73, 0.8)
     before, fit = fit, (yield from shifted(finished(sight, there, fit, effort), 0.8, 0.9))
     if fit.light is not before.light:
-        materials = yield from shifted(under(fit.light, here), 0.9, 1.0)
+        materials = yield from shifted(under(fit.light, here), 0.9, 0.95)
+    if free:
+        under_sky = yield from shifted(under(fit.light, found.asked, SKY), 0.95, 1.0)
+        gain = left_over(here.samples, materials.radiometry) - left_over(here.samples, under_sky.radiometry)
+        looked = (*looked, Candidate(BY_DIRECTION, float(-gain), 0.0))
+        if gain > _SKY_GAIN:
+            here, materials = found.asked, under_sky
     return _Settled(fit, here, materials, looked)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from ..core.materials.albedo_map import albedo_map, around, no_brighter, noisy
+from ..core.materials.albedo_map import albedo_map, around, at_outlines, no_brighter, noisy
 from ..core.materials.continuation import continued
 from ..core.types import Array, Buffers, Camera, Mask, Photo, Progress, Surface
 from . import scene_write
@@ -19,6 +19,7 @@ from .scene_read import SceneView, read_camera
 PIXELS = {"draft": 250_000, "standard": 1_000_000, "accurate": 4_000_000}
 SAMPLES = {"draft": 32, "standard": 32, "accurate": 256}
 REACH = 3  # pixels a texture goes on past its surface's outline, where pixels are mixed
+NEAR = 5  # pixels whose albedos an outline's may be
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,9 +81,8 @@ def albedo_texture(
     depth = depth_of(view.camera, buffers)
     if not known.any():
         return Unlit(np.zeros((height, width, 4)), depth)
-    # A colour for every pixel, so that filtering at the outline mixes in nothing foreign.
-    distance, nearest = ndimage.distance_transform_edt(~known, return_indices=True)
-    return Unlit(np.concatenate([texture[tuple(nearest)], (distance <= REACH)[..., None]], axis=-1), depth)
+    texture, distance = at_outlines(texture, known, buffers.mixed & textured[buffers.surface], NEAR)
+    return Unlit(np.concatenate([texture, (distance <= REACH)[..., None]], axis=-1), depth)
 
 
 def depth_of(camera: Camera, buffers: Buffers) -> Array:

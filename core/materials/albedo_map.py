@@ -72,6 +72,24 @@ def no_brighter(texture: Array, photo: Array, shading: Array, surface: NDArray[n
     return out
 
 
+def at_outlines(texture: Array, known: Mask, mixed: Mask, reach: int) -> tuple[Array, NDArray[np.float64]]:
+    """Compute a texture (H, W, 3) that goes on beyond its known pixels, and how far these are away (H, W), in pixels.
+
+    Where geometry is not right to the pixel, or as thin as one, only the photo tells what an outline shows. There a
+    pixel keeps its own albedo, but none that lies beyond all that is known nearby, so that no edit gives it a halo.
+    Elsewhere it is as the nearest known one: filtering at an outline mixes in nothing foreign.
+
+    texture : (H, W, 3) as of `albedo_map`; known : (H, W) pixels that show their surface alone, at least one
+    mixed : (H, W) pixels of outlines; reach : pixels that count as near, to each side
+    """
+    distance, nearest = ndimage.distance_transform_edt(~known, return_indices=True)
+    out, one, size = texture[tuple(nearest)], known[..., None], (2 * reach + 1, 2 * reach + 1, 1)
+    low = ndimage.minimum_filter(np.where(one, texture, np.inf), size)
+    high = ndimage.maximum_filter(np.where(one, texture, -np.inf), size)
+    own = mixed[..., None] & ~one & (low <= high)
+    return np.where(own, np.clip(texture, np.where(own, low, 0.0), np.where(own, high, 1.0)), out), distance
+
+
 def _well_lit(bright: Array, of: Mask) -> Mask:
     """Which of some pixels (H, W) get at least half of the full light among them, by their squared shading."""
     lit = of & (bright > 0)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from core.materials.albedo_map import albedo_map, around, no_brighter, noisy
+from core.materials.albedo_map import albedo_map, around, at_outlines, no_brighter, noisy
 from core.photo.noise import noise_of
 from core.types import Photo
 
@@ -125,3 +125,39 @@ def test_what_lights_the_dark_unknown_to_the_shading_is_no_albedo():
     np.testing.assert_allclose(found[dark].max(), 0.5, rtol=1e-6)
     np.testing.assert_array_equal(found[~dark], before[~dark])
     np.testing.assert_array_equal(no_brighter(before, photo, shading, surface, ~known), before)
+
+
+def test_an_outline_that_is_not_where_the_photo_has_it_keeps_the_photos_albedo():
+    """The photo's edge is two pixels from the geometry's, whose own outline is four pixels wide."""
+    shape = (20, 40)
+    columns = np.broadcast_to(np.arange(shape[1]), shape)
+    photo = np.where(columns < 22, 0.2, 0.6)[..., None] * np.array([1.0, 0.5, 0.8])
+    mixed = (columns >= 18) & (columns < 24)
+    found, distance = at_outlines(photo, ~mixed, mixed, 5)
+    np.testing.assert_array_equal(found, photo)
+    np.testing.assert_array_equal(distance[0, 16:26], [0, 0, 1, 2, 3, 3, 2, 1, 0, 0])
+
+
+def test_an_outline_has_no_albedo_that_is_not_seen_nearby():
+    """Bright or black lines, as a mistaken shading leaves them, would be halos once the light moves."""
+    rng = np.random.default_rng(8)
+    texture = rng.uniform(0.3, 0.5, (30, 50, 3))
+    texture[:, 24:26] = np.where(np.arange(30) % 2, 1.0, 0.0)[:, None, None]
+    mixed = np.zeros((30, 50), bool)
+    mixed[:, 23:27] = True
+    found, _ = at_outlines(texture, ~mixed, mixed, 5)
+    for row, column in ((6, 24), (7, 24), (15, 25)):
+        near = texture[row - 5 : row + 6, column - 5 : column + 6][~mixed[row - 5 : row + 6, column - 5 : column + 6]]
+        expected = near.max(axis=0) if row % 2 else near.min(axis=0)
+        np.testing.assert_array_equal(found[row, column], expected)
+    np.testing.assert_array_equal(found[~mixed], texture[~mixed])
+
+
+def test_beyond_what_is_known_a_texture_is_as_the_nearest():
+    texture = np.arange(5.0)[None, :, None] * np.ones((1, 1, 3)) / 10
+    known = np.array([[False, True, True, False, False]])
+    found, distance = at_outlines(texture, known, np.zeros((1, 5), bool), 5)
+    np.testing.assert_allclose(found[0, :, 0], [0.1, 0.1, 0.2, 0.2, 0.2])
+    np.testing.assert_array_equal(distance, [[1, 0, 0, 1, 2]])
+    far, _ = at_outlines(texture, known, ~known, 1)  # the last has nothing known within a pixel
+    np.testing.assert_allclose(far[0, :, 0], [0.1, 0.1, 0.2, 0.2, 0.2])

@@ -149,3 +149,23 @@ def test_an_edge_of_albedo_is_not_taken_for_the_lights_own_gradient(ball):
     floor = next(surface for surface in found.surfaces if surface.name == "floor")
     assert floor.textured and len(floor.regions) == 2
     np.testing.assert_allclose(floor.regions[0].albedo / floor.regions[1].albedo, 1.8, rtol=0.03)
+
+
+def test_light_from_all_around_that_differs_by_direction_and_colour_is_told_from_the_lights(ball):
+    """Blue from above, brown from the floor's side: what a ball beside it shows of both is nobody's albedo."""
+    truth = ball.light()
+    photo, seen = ball.photo(truth), ball.buffers.surface >= 0
+    sent = 0.3 * np.array([0.6, 0.8, 1.0]) + 0.2 * ball.buffers.normal[..., 2:] * np.array([-0.8, 0.1, 1.0])
+    albedo = np.array([ALBEDO[name] for name in ball.buffers.names])[ball.buffers.surface]
+    open_share = ball.openness(ball.buffers.point.reshape(-1, 3), ball.buffers.normal.reshape(-1, 3))
+    around = np.where(seen[..., None], albedo * open_share.reshape(seen.shape)[..., None] * sent, 0.0)
+    found = blind(ball, replace(photo, linear=photo.linear + around), quality="draft")
+    assert found.chosen == "area light, ambient by direction, no gloss"
+    scale = {surface.name: surface.albedo / ALBEDO[surface.name] for surface in found.surfaces}
+    np.testing.assert_allclose(scale["floor"], scale["ball"], rtol=0.08)
+    level = {tuple(np.round(one.normal)): one.radiance for one in found.levels}
+    mean = np.mean(list(level.values()), axis=0)
+    for up in (1, -1):  # what falls on a surface that is turned there
+        there = scale["floor"] * (mean + (level[0, 0, up] - level[0, 0, -up]) / 6)
+        true = 0.3 * np.array([0.6, 0.8, 1.0]) + up * 0.2 * np.array([-0.8, 0.1, 1.0])
+        np.testing.assert_allclose(there, true, atol=0.03)
