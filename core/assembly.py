@@ -133,6 +133,7 @@ def assembled(
         warnings=tuple(warnings),
         seconds=clock.all(),
         levels=_levels(materials, samples, ambient),
+        sky=radiometry.sky,
         ambient_model=_ambient_model(materials, ambient),
         interreflected=materials.bounced is not None,
     )

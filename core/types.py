@@ -203,6 +203,7 @@ class Estimate:
     seconds: dict[str, float] = field(default_factory=dict)
     starts: tuple[Tried, ...] = ()  # best first; none where lights were given
     levels: tuple[AmbientLevel, ...] = ()  # of an ambient by region, or smooth
+    sky: Array | None = None  # (6, 3) radiance that surfaces meet at normals along the axes, where it differs by these
     ambient_model: str = "constant"  # none, constant, per region, smooth; interreflected: no other ambient
     interreflected: bool = False  # whether light from other surfaces was explained as well
     response: float = 1.0  # power of the photo's linear values that was explained

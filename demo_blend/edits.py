@@ -3,8 +3,8 @@
     python -m reshade.demo_blend.edits NAME SCENE.blend FOLDER SAMPLES
 
 writes into the folder rendered.exr, the scene as it is, and a .blend for each edit of the demo NAME, which carries that
-render, so that `reshade render` with as many samples need not make it again; of the teapot also ideal.exr, the rebuilt
-model under the true light.
+render, so that `reshade render` with as many samples need not make it again; modelled.npy, which pixels show geometry;
+and of the teapot ideal.exr, the rebuilt model under the true light.
 """
 
 import math
@@ -21,6 +21,8 @@ from ..core.progress import drain
 from ..reshade_addon import reference
 from ..reshade_addon.photo_io import write_picture
 from ..reshade_addon.rendering import render
+from ..reshade_addon.scene_read import read_view, silhouette
+from ..reshade_addon.scene_write import ambient_colour
 
 WARM = (1.0, 0.56, 0.23)  # linear Rec.709 of a candle-like 2400 K, its largest channel 1
 
@@ -56,9 +58,10 @@ def dimmed_and_warm(scene: bpy.types.Scene) -> None:
     for light in lights(scene):
         light.data.energy *= 0.25
         light.data.color = WARM
-    world = next(node for node in scene.world.node_tree.nodes if node.type == "BACKGROUND").inputs
-    world["Strength"].default_value *= 0.25
-    world["Color"].default_value[:3] = [a * b for a, b in zip(world["Color"].default_value, WARM, strict=False)]
+    background = next(node for node in scene.world.node_tree.nodes if node.type == "BACKGROUND")
+    background.inputs["Strength"].default_value *= 0.25
+    colour = ambient_colour(background)
+    colour.default_value[:3] = [a * b for a, b in zip(colour.default_value, WARM, strict=False)]
 
 
 def painted(material: str, colour: tuple[float, float, float]) -> None:
@@ -92,7 +95,10 @@ def main(name: str, path: Path, folder: Path, samples: int) -> None:
     scene = bpy.context.scene
     scene.reshade.samples = samples
     with reference.opened(scene) as copy:
-        write_picture(folder / "rendered.exr", drain(reference.picture(scene, copy.scene, samples)))
+        rendered = drain(reference.picture(scene, copy.scene, samples))
+    write_picture(folder / "rendered.exr", rendered)
+    height, width = rendered.shape[:2]
+    np.save(folder / "modelled.npy", drain(silhouette(read_view(scene, (width, height)))))
     explained = folder / "explained.blend"
     bpy.ops.wm.save_as_mainfile(filepath=str(explained))
     for key, edit in EDITS[name].items():

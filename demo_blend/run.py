@@ -134,9 +134,7 @@ def show(name: str, demo: Demo) -> str:
 
         report = json.loads(report_path.read_text())
         photo, rendered = read_photo(photo_path).linear, read_linear(folder / "rendered.exr")
-        # Where the render shows the bare world, and at its edges, nothing is modelled.
-        bare = np.abs(rendered - report["ambient"].get("radiance", 0.0)).max(axis=-1) < 1e-6
-        modelled = ~ndimage.binary_dilation(bare)
+        modelled = ndimage.binary_erosion(np.load(folder / "modelled.npy"), border_value=1)
         panels = [
             Panel("Photo", "As it was taken" if name != "teapot" else "As Cycles took it, direct light only", photo),
             Panel("Rendered", "The scene, its light and materials as they were found", rendered * modelled[..., None]),

@@ -18,6 +18,7 @@ from ..core.types import Array, Light, Photo, Progress, Samples
 from . import reference
 from .render_depsgraph import with_render_depsgraph
 from .scene_read import SceneView, cast, check_aspect, read_buffers, read_light, read_view
+from .scene_write import ambient_colour
 from .shadow_rays import shadow_rays
 
 PIXELS = 320_000  # of the photo that are solved for; a larger photo's highlights are enlarged from there
@@ -62,12 +63,12 @@ def _lights(depsgraph: bpy.types.Depsgraph) -> list[Light]:
 
 
 def _world(scene: bpy.types.Scene) -> Array:
-    """Radiance (3,) of a world of one colour; of any other, none is known."""
+    """Radiance (3,) of a world of one colour, the mean of one that was estimated; of any other, none is known."""
     tree = scene.world.node_tree if scene.world else None
     nodes = [node for node in tree.nodes if node.type == "BACKGROUND"] if tree else []
-    if len(nodes) != 1 or nodes[0].inputs["Color"].is_linked or nodes[0].inputs["Strength"].is_linked:
+    if len(nodes) != 1 or ambient_colour(nodes[0]).is_linked or nodes[0].inputs["Strength"].is_linked:
         return np.zeros(3)
-    return np.array(nodes[0].inputs["Color"].default_value[:3]) * nodes[0].inputs["Strength"].default_value
+    return np.array(ambient_colour(nodes[0]).default_value[:3]) * nodes[0].inputs["Strength"].default_value
 
 
 def _fragments(view: SceneView, lights: Sequence[Light], with_sky: bool) -> Generator[Progress, None, Fragments]:

@@ -18,7 +18,7 @@ from ..core.types import Array, Light, Photo, Progress
 from . import reference
 from .geometry import SOLID
 from .scene_read import read_buffers, read_light, read_view
-from .scene_write import colour_socket
+from .scene_write import ambient_colour, colour_socket
 from .texture import resized
 
 LARGEST = 640 * 480  # pixels
@@ -39,7 +39,7 @@ class Fixed:
 
     placed: Counter[Any]  # objects by place and size of their mesh
     gloss: Counter[Any]  # materials by all but their base colour
-    plain_world: bool  # one radiance from everywhere
+    sky: str  # name of the node that the world's colour comes from, if it does
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +67,7 @@ class Live:
         changed = (
             ("objects that were added, moved or removed", now.placed != then.placed),
             ("gloss", now.gloss != then.gloss),
-            ("a sky that varies", not now.plain_world),
+            ("a sky that varies", now.sky not in ("", then.sky)),
         )
         return tuple(words for words, is_so in changed if is_so)
 
@@ -109,10 +109,11 @@ def _fixed(scene: bpy.types.Scene, names: tuple[str, ...], materials: Mapping[st
     sizes = [len(obj.data.vertices) if obj.type == "MESH" else 0 for obj in solid]
     used = [materials[name] for name in names if name in materials]
     background = _background(scene.world)
+    links = background.inputs["Color"].links if background else ()
     return Fixed(
         Counter((np.array(obj.matrix_world).tobytes(), size) for obj, size in zip(solid, sizes, strict=True)),
         Counter(_but_colour(material) for material in used),
-        background is None or not background.inputs["Color"].is_linked,
+        links[0].from_node.name if links else "",
     )
 
 
@@ -135,7 +136,7 @@ def _ambient(world: bpy.types.World | None) -> Array:
     background = _background(world)
     if background is None:
         return np.zeros(3) if world is None else np.array(world.color)
-    return background.inputs["Strength"].default_value * np.array(background.inputs["Color"].default_value[:3])
+    return background.inputs["Strength"].default_value * np.array(ambient_colour(background).default_value[:3])
 
 
 def _background(world: bpy.types.World | None) -> bpy.types.Node | None:

@@ -15,6 +15,7 @@ from .projection import Texture, add_projection, add_texture
 
 LIGHT = "Reshade light"
 WORLD = "Reshade ambient"
+SKY = "Reshade sky"  # name of the node that holds the mean colour of a world that differs by direction
 TINT = "Reshade tint"  # name of the node that recolours a textured surface
 PREVIEW = "Reshade photo"  # name of the node that shows the photo on an unsolved material
 
@@ -72,8 +73,11 @@ def _place(obj: bpy.types.Object, u: Array, v: Array, centre: Array) -> None:
     obj.matrix_world = Matrix(matrix.tolist())
 
 
-def write_world(scene: bpy.types.Scene, ambient: Array) -> None:
-    """Give the scene a world of uniform radiance (3,). A world of the user's stays in the file, unused."""
+def write_world(scene: bpy.types.Scene, ambient: Array, slope: Array | None = None) -> None:
+    """Give the scene a world of uniform radiance (3,). A world of the user's stays in the file, unused.
+
+    slope : (3, 3) by axis and colour, of radiance that rises evenly along a direction and is never negative
+    """
     world = scene.world if scene.world and scene.world.name.startswith(WORLD) else bpy.data.worlds.new(WORLD)
     scene.world = world
     use_nodes(world)
@@ -86,6 +90,40 @@ def write_world(scene: bpy.types.Scene, ambient: Array) -> None:
     output = nodes.new("ShaderNodeOutputWorld")
     output.location = (300, 0)
     world.node_tree.links.new(background.outputs[0], output.inputs["Surface"])
+    if slope is not None:
+        _by_direction(world.node_tree, background, slope / np.where(ambient > 0, ambient, np.inf))
+
+
+def ambient_colour(background: bpy.types.Node) -> bpy.types.NodeSocket:
+    """The socket of a world's background that holds its colour, or the mean of one that `write_world` made differ."""
+    linked = background.inputs["Color"].links
+    node = linked[0].from_node if linked else None
+    return _sockets(node).a if node and node.name == SKY else background.inputs["Color"]
+
+
+def _by_direction(tree: bpy.types.NodeTree, background: bpy.types.Node, slope: Array) -> None:
+    """Multiply a background's colour by 1 + w.slope towards each direction w; slope (3, 3) by axis and colour."""
+    where, shape = tree.nodes.new("ShaderNodeTexCoord"), tree.nodes.new("ShaderNodeCombineColor")
+    for number, along in enumerate(slope.T):
+        dot, level = tree.nodes.new("ShaderNodeVectorMath"), tree.nodes.new("ShaderNodeMath")
+        dot.operation, level.operation = "DOT_PRODUCT", "ADD"
+        dot.inputs[1].default_value, level.inputs[1].default_value = along, 1.0
+        dot.location, level.location = (-900.0, -200.0 * number), (-700.0, -200.0 * number)
+        tree.links.new(where.outputs["Generated"], dot.inputs[0])
+        tree.links.new(dot.outputs["Value"], level.inputs[0])
+        never_negative = tree.nodes.new("ShaderNodeMath")
+        never_negative.operation = "MAXIMUM"
+        never_negative.inputs[1].default_value = 0.0
+        never_negative.location = (-500.0, -200.0 * number)
+        tree.links.new(level.outputs[0], never_negative.inputs[0])
+        tree.links.new(never_negative.outputs[0], shape.inputs[number])
+    where.location, shape.location = (-1100.0, 0.0), (-300.0, -200.0)
+    mix = _mix(tree, "MULTIPLY", -100.0)
+    mix.node.name = mix.node.label = SKY
+    mix.factor.default_value = 1.0
+    mix.a.default_value = background.inputs["Color"].default_value
+    tree.links.new(shape.outputs[0], mix.b)
+    tree.links.new(mix.result, background.inputs["Color"])
 
 
 def write_material(

@@ -11,6 +11,7 @@ import numpy as np
 
 from ..core.errors import NothingToLearn, ReshadeError
 from ..core.light.hints import Hint
+from ..core.materials.radiometric import radiance_of
 from ..core.materials.scale import Card
 from ..core.photo.response import straightened
 from ..core.pipeline import estimate, solve
@@ -169,7 +170,8 @@ def _put(target: SceneCopy, solution: Solution, unlit: Unlit | None) -> list[bpy
             scene_write.set_strength(obj, light)
     else:
         objects = _write_lights(scene, found.lights)
-    scene_write.write_world(scene, found.ambient)
+    ambient, slope = (found.ambient, None) if found.sky is None else radiance_of(found.sky)
+    scene_write.write_world(scene, ambient, slope)
     texture = _projected(scene, solution.view.camera, unlit) if unlit else None
     solved = {surface.name: surface for surface in found.surfaces}
     rest = scene_write.unseen(found.surfaces)

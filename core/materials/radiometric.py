@@ -75,6 +75,15 @@ def solve_radiometry(
     return best
 
 
+def radiance_of(sky: Array) -> tuple[Array, Array]:
+    """Compute the radiance a + w.B that comes from each direction w under a sky: a (3,) and B (3, 3), axis by colour.
+
+    sky : (6, 3) as `Radiometry.sky`
+    What a surface of normal n meets is then a + 2/3 n.B, its mean by the cosine.
+    """
+    return sky.mean(axis=0), (sky[:3] - sky[3:]) / 4
+
+
 def _towards_axes(normal: Array) -> Array:
     """The weights (N, 6) of levels along AXES for normals (N, 3); they sum to one."""
     return (1 + normal @ AXES.T) / len(AXES)

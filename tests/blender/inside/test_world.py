@@ -1,0 +1,56 @@
+"""The world that an estimate leaves: what Cycles makes of it on a bare floor, and what the preview reads of it."""
+
+import bpy
+import numpy as np
+import pytest
+from mathutils import Euler
+
+ALBEDO = np.array([0.6, 0.55, 0.5])  # of the tabletop's floor
+EVEN = np.array([0.3, 0.5, 0.2])
+SLOPE = np.array([[0.1, -0.2, 0.0], [0.05, 0.1, 0.1], [-0.1, 0.15, 0.05]])  # by axis and colour
+
+
+@pytest.fixture
+def floor(tabletop):
+    """The tabletop without anything on it."""
+    for name in ("Ball", "Box"):
+        bpy.data.objects[name].hide_render = True
+    return bpy.data.objects["Floor"]
+
+
+@pytest.mark.parametrize("turn", [(0.0, 0.0, 0.0), (0.5, 0.0, 0.0), (0.2, -0.6, 0.0)])
+def test_a_floor_under_a_world_that_differs_by_direction_shows_what_falls_on_it(tabletop, floor, load, drain, turn):
+    """In closed form: a + 2/3 n.B of a world of radiance a + w.B."""
+    load("reshade_addon.scene_write").write_world(tabletop, EVEN, SLOPE)
+    floor.rotation_euler = turn
+    bpy.context.view_layer.update()
+    normal = np.array(Euler(turn).to_matrix())[:, 2]
+    shown = drain(load("reshade_addon.rendering").render(tabletop, 256))[30:60, 30:60].mean(axis=(0, 1))
+    np.testing.assert_allclose(shown, ALBEDO * (EVEN + 2 / 3 * normal @ SLOPE), rtol=0.01)
+
+
+def test_no_direction_takes_light_away(tabletop, floor, load, drain):
+    """All of it from above, three times as steep as radiance can fall: what is left is (1 + 3 cos t) where positive."""
+    steep = np.zeros((3, 3))
+    steep[2] = -3 * EVEN
+    load("reshade_addon.scene_write").write_world(tabletop, EVEN, steep)
+    bpy.context.view_layer.update()
+    shown = drain(load("reshade_addon.rendering").render(tabletop, 256))[30:60, 30:60].mean(axis=(0, 1))
+    edge = 1 / 3  # cosine at which nothing is left
+    np.testing.assert_allclose(shown, ALBEDO * EVEN * (edge**2 - 2 * edge**3), rtol=0.03)
+
+
+def test_its_mean_colour_is_there_to_edit_and_the_preview_follows(tabletop, load):
+    write, previewing = load("reshade_addon.scene_write"), load("reshade_addon.previewing")
+    write.write_world(tabletop, EVEN, SLOPE)
+    background = next(node for node in tabletop.world.node_tree.nodes if node.type == "BACKGROUND")
+    seen = previewing.read_lighting(tabletop, (), bpy.data.materials)
+    np.testing.assert_allclose(seen.ambient, EVEN, rtol=1e-6)
+    colour = write.ambient_colour(background)
+    assert not colour.is_linked
+    colour.default_value = (1.0, 0.0, 0.5, 1.0)
+    background.inputs["Strength"].default_value = 2.0
+    seen = previewing.read_lighting(tabletop, (), bpy.data.materials)
+    np.testing.assert_allclose(seen.ambient, [2.0, 0.0, 1.0], rtol=1e-6)
+    write.write_world(tabletop, EVEN)
+    assert write.ambient_colour(tabletop.world.node_tree.nodes["Background"]).name == "Color"
