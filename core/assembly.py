@@ -8,7 +8,7 @@ import numpy as np
 
 from .color import linear_to_srgb
 from .light.ambient import CONSTANT, NAMES, SMOOTH, Ambient
-from .materials.radiometric import AXES, SCALE
+from .materials.radiometric import AXES, SCALE, radiance_of
 from .materials.scale import textured_surfaces
 from .materials.solve import Materials
 from .photo.noise import noise_of
@@ -53,7 +53,8 @@ def _levels(materials: Materials, samples: Samples, ambient: Ambient | None) -> 
     sky = materials.radiometry.sky
     if sky is not None:
         middle, share = np.average(samples.point, axis=0, weights=samples.weight), len(samples) / len(AXES)
-        return tuple(AmbientLevel(middle, axis, level, share) for axis, level in zip(AXES, sky, strict=True))
+        even, slope = radiance_of(sky)
+        return tuple(AmbientLevel(middle, axis, even + 2 / 3 * axis @ slope, share) for axis in AXES)
     if ambient is None or not materials.radiometry.ambient.any():
         return ()
     held = samples.weight @ ambient.parts * len(samples) / samples.weight.sum()

@@ -84,6 +84,8 @@ class Samples:
     names: tuple[str, ...]
     lift: float  # how far a shadow ray starts off its surface, metres
     footprint: Array | None = None  # (N, 2, 3) metres on the surface a pixel to the right and one down; None: points
+    # (N, 3) openness times the mean direction, by the cosine, that sees the world; None: that of open half spaces
+    opening: Array | None = None
 
     def __len__(self) -> int:
         return len(self.point)
@@ -203,7 +205,7 @@ class Estimate:
     seconds: dict[str, float] = field(default_factory=dict)
     starts: tuple[Tried, ...] = ()  # best first; none where lights were given
     levels: tuple[AmbientLevel, ...] = ()  # of an ambient by region, or smooth
-    sky: Array | None = None  # (6, 3) radiance that surfaces meet at normals along the axes, where it differs by these
+    sky: Array | None = None  # (6, 3) an ambient's parts where it differs by direction: see `radiometric.AXES`
     ambient_model: str = "constant"  # none, constant, per region, smooth; interreflected: no other ambient
     interreflected: bool = False  # whether light from other surfaces was explained as well
     response: float = 1.0  # power of the photo's linear values that was explained

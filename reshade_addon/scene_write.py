@@ -76,7 +76,7 @@ def _place(obj: bpy.types.Object, u: Array, v: Array, centre: Array) -> None:
 def write_world(scene: bpy.types.Scene, ambient: Array, slope: Array | None = None) -> None:
     """Give the scene a world of uniform radiance (3,). A world of the user's stays in the file, unused.
 
-    slope : (3, 3) by axis and colour, of radiance that rises evenly along a direction and is never negative
+    slope : (3, 3) by axis and colour, of radiance that rises evenly along directions, so slowly that none is negative
     """
     world = scene.world if scene.world and scene.world.name.startswith(WORLD) else bpy.data.worlds.new(WORLD)
     scene.world = world
@@ -108,16 +108,11 @@ def _by_direction(tree: bpy.types.NodeTree, background: bpy.types.Node, slope: A
         dot, level = tree.nodes.new("ShaderNodeVectorMath"), tree.nodes.new("ShaderNodeMath")
         dot.operation, level.operation = "DOT_PRODUCT", "ADD"
         dot.inputs[1].default_value, level.inputs[1].default_value = along, 1.0
-        dot.location, level.location = (-900.0, -200.0 * number), (-700.0, -200.0 * number)
+        dot.location, level.location = (-700.0, -200.0 * number), (-500.0, -200.0 * number)
         tree.links.new(where.outputs["Generated"], dot.inputs[0])
         tree.links.new(dot.outputs["Value"], level.inputs[0])
-        never_negative = tree.nodes.new("ShaderNodeMath")
-        never_negative.operation = "MAXIMUM"
-        never_negative.inputs[1].default_value = 0.0
-        never_negative.location = (-500.0, -200.0 * number)
-        tree.links.new(level.outputs[0], never_negative.inputs[0])
-        tree.links.new(never_negative.outputs[0], shape.inputs[number])
-    where.location, shape.location = (-1100.0, 0.0), (-300.0, -200.0)
+        tree.links.new(level.outputs[0], shape.inputs[number])
+    where.location, shape.location = (-900.0, 0.0), (-300.0, -200.0)
     mix = _mix(tree, "MULTIPLY", -100.0)
     mix.node.name = mix.node.label = SKY
     mix.factor.default_value = 1.0

@@ -9,7 +9,7 @@ from ..photo.samples import choose_samples, extent_of, first, hues, surface_mean
 from ..progress import watched
 from ..radiance.interreflection import RAYS, Surroundings, gather
 from ..radiance.lights import shading
-from ..radiance.visibility import openness, visible_fraction
+from ..radiance.visibility import opened, visible_fraction
 from ..types import Array, Buffers, Camera, Light, Meets, Photo, Progress, Samples, Visible
 from .ambient import Ambient
 from .problem import Problem, brightness
@@ -104,11 +104,12 @@ def look(
 def asked(sight: Sight, samples: Samples, rays: int = RAYS) -> Generator[Progress, None, Asked]:
     """Find out what surrounds samples, by so many rays from each."""
     if sight.meets is None:
-        samples = replace(samples, openness=openness(samples, sight.visible, 32, sight.far))
+        openness, opening = opened(samples, sight.visible, 32, sight.far)
+        samples = replace(samples, openness=openness, opening=opening)
         return Asked(samples, None, samples.openness[:, None], np.zeros((len(samples), 0)))
     gathering = gather(samples, sight.photo, sight.camera, sight.buffers, sight.meets, rays)
     around = yield from watched(gathering, 0.0, 1.0, "Gathering the light that surfaces send one another")
-    samples = replace(samples, openness=around.samples.openness)
+    samples = replace(samples, openness=around.samples.openness, opening=around.samples.opening)
     fields = fields_along(samples, around.fields(usual_radiance(around, samples)))
     return Asked(samples, around, fields, np.zeros((len(samples), 0)))
 

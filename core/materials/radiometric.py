@@ -7,8 +7,10 @@ with k held, so the two are solved in turn, the second by non-negative least squ
 Only products of strength and albedo show (thesis 4.3.1). Convention: the first light is white, and the largest channel
 of any albedo is 0.8.
 
-Under a sky A depends on where a surface is turned to, in each channel by itself. What a distant surrounding sends is
-nearly linear in the normal n (Ramamoorthi and Hanrahan 2001): A sums levels at six axes a, weighted by (1 + n.a) / 6.
+Under a sky the world's radiance differs by direction w, in each channel by itself: it sums levels at six axes a, none
+negative, weighted by (1 + w.a) / 6. More than what is linear in direction matt surfaces hardly tell of what surrounds
+them (Ramamoorthi and Hanrahan 2001). With M the openness times the mean open direction, A O becomes the sum of the
+levels times (O + M.a) / 6: a table hides what is below it.
 """
 
 from dataclasses import dataclass, replace
@@ -39,7 +41,7 @@ class Radiometry:
     albedo: Array  # (S, 3), 0 for surfaces without samples
     residual: Array  # (N, 3) photo less model, radiance
     converged: bool
-    sky: Array | None = None  # (6, 3) radiance at normals along AXES, where the ambient is no constant
+    sky: Array | None = None  # (6, 3) levels along AXES, where the ambient is no constant
 
 
 def solve_radiometry(
@@ -70,7 +72,7 @@ def solve_radiometry(
     plain = _with_plain_ambient(samples, lit, coloured)
     best = coloured if left_over(samples, coloured) < left_over(samples, plain) - _COLOUR_GAIN else plain
     if ambient == SKY:
-        under_sky = _solve(samples, lit, samples.openness[:, None] * _towards_axes(samples.normal), settled)
+        under_sky = _solve(samples, lit, _towards_axes(samples), settled)
         best = under_sky if left_over(samples, under_sky) < left_over(samples, best) - _SKY_GAIN else best
     return best
 
@@ -79,14 +81,16 @@ def radiance_of(sky: Array) -> tuple[Array, Array]:
     """Compute the radiance a + w.B that comes from each direction w under a sky: a (3,) and B (3, 3), axis by colour.
 
     sky : (6, 3) as `Radiometry.sky`
-    What a surface of normal n meets is then a + 2/3 n.B, its mean by the cosine.
+    An open surface of normal n meets a + 2/3 n.B.
     """
-    return sky.mean(axis=0), (sky[:3] - sky[3:]) / 4
+    return sky.mean(axis=0), (sky[:3] - sky[3:]) / len(AXES)
 
 
-def _towards_axes(normal: Array) -> Array:
-    """The weights (N, 6) of levels along AXES for normals (N, 3); they sum to one."""
-    return (1 + normal @ AXES.T) / len(AXES)
+def _towards_axes(samples: Samples) -> Array:
+    """How much (N, 6) of each level along AXES samples meet; it sums to their openness."""
+    openness = samples.openness[:, None]
+    opening = 2 / 3 * openness * samples.normal if samples.opening is None else samples.opening
+    return (openness + opening @ AXES.T) / len(AXES)
 
 
 def _solve(samples: Samples, shading: Array, ambient: Array, settled: float) -> Radiometry:

@@ -215,5 +215,6 @@ def _without_gloss(samples: Samples, lit: Lit, gloss: Sequence[Gloss]) -> tuple[
             of = samples.surface == i
             some = subset(samples, of)
             specular[of], left[of] = specular_term(some, lit.of(of), one), base_share(some, one)
-    base = replace(samples, colour=samples.colour - specular, openness=samples.openness * left)
+    opening = None if samples.opening is None else samples.opening * left[:, None]
+    base = replace(samples, colour=samples.colour - specular, openness=samples.openness * left, opening=opening)
     return base, left, replace(samples, colour=base.colour / np.maximum(left, _LEAST_LEFT)[:, None])

@@ -76,7 +76,9 @@ def subset(samples: Samples, chosen: NDArray[Any] | slice) -> Samples:
     """Some of the samples: a mask (N,), indices or a slice."""
     fields = ("point", "normal", "view", "colour", "surface", "weight", "pixel", "openness")
     footprint = None if samples.footprint is None else samples.footprint[chosen]
-    return replace(samples, footprint=footprint, **{name: getattr(samples, name)[chosen] for name in fields})
+    opening = None if samples.opening is None else samples.opening[chosen]
+    chosen_fields = {name: getattr(samples, name)[chosen] for name in fields}
+    return replace(samples, footprint=footprint, opening=opening, **chosen_fields)
 
 
 def surface_means(samples: Samples, values: Array) -> Array:

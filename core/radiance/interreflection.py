@@ -38,6 +38,7 @@ class Gathered:
 
     seen: Array  # (N, 3) what comes from where the photo shows it, its share of J
     openness: Array  # (N,) share of the rays that met nothing
+    opening: Array  # (N, 3) sum of these over all rays' number
     patches: sparse.csr_array  # (N, R) share of the rays that met each patch
 
 
@@ -64,14 +65,14 @@ def gather(
     rays : from each of them. Their noise falls with the root of their number, and patches are made as much smaller
     """
     cast = (samples.lift, meets, (photo, camera, buffers), rays)
-    seen, openness, owner, rest = yield from _looked(samples.point, samples.normal, *cast)
+    seen, openness, opening, owner, rest = yield from _looked(samples.point, samples.normal, *cast)
     patches = _PATCHES * (rays / RAYS) ** 0.5
     some = np.arange(0, len(owner), max(int(len(owner) / patches), 1))
     at = Hits(rest.point[some], rest.normal[some], rest.surface[some])
     tree = cKDTree(_features(at, samples)) if len(some) else None
-    among_samples = Gathered(seen, openness, _met(owner, rest, samples, tree, len(samples)) / rays)
-    seen, openness, owner, rest = yield from _looked(at.point, at.normal, *cast)
-    among_patches = Gathered(seen, openness, _met(owner, rest, samples, tree, len(some)) / rays)
+    among_samples = Gathered(seen, openness, opening, _met(owner, rest, samples, tree, len(samples)) / rays)
+    seen, openness, opening, owner, rest = yield from _looked(at.point, at.normal, *cast)
+    among_patches = Gathered(seen, openness, opening, _met(owner, rest, samples, tree, len(some)) / rays)
     return Surroundings(among_samples, among_patches, _bare(at, samples.lift))
 
 
@@ -97,9 +98,9 @@ def patch_radiance(
 
 def _looked(
     point: Array, normal: Array, lift: float, meets: Meets, photographed: tuple[Photo, Camera, Buffers], rays: int
-) -> Generator[float, None, tuple[Array, Array, NDArray[np.intp], Hits]]:
-    """What comes from the photo (N, 3), openness (N,), and of the rays that met anything else: whose, and where."""
-    seen, openness = np.zeros((len(point), 3)), np.zeros(len(point))
+) -> Generator[float, None, tuple[Array, Array, Array, NDArray[np.intp], Hits]]:
+    """As `Gathered` has them, what comes from the photo, openness, opening; and of all other rays whose, and where."""
+    seen, openness, opening = np.zeros((len(point), 3)), np.zeros(len(point)), np.zeros((len(point), 3))
     owners, rests = [np.zeros(0, dtype=np.intp)], [Hits(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0, dtype=np.intp))]
     ways, start = hemisphere(normal, rays), point + lift * normal
     for first in range(0, len(point), _STEP):
@@ -112,12 +113,13 @@ def _looked(
         radiance, shown = _in_photo(hits, *photographed)
         for c in range(3):
             seen[some, c] = np.bincount(owner[shown] - first, radiance[shown, c], count) / rays
+            opening[some, c] = (ways[some, :, c] * ~met.reshape(count, rays)).sum(axis=1) / rays
         openness[some] = 1 - np.bincount(owner[met] - first, minlength=count) / rays
         rest = met & ~shown
         owners.append(owner[rest])
         rests.append(Hits(hits.point[rest], hits.normal[rest], hits.surface[rest]))
     joined = (np.concatenate([getattr(hits, name) for hits in rests]) for name in ("point", "normal", "surface"))
-    return seen, openness, np.concatenate(owners), Hits(*joined)
+    return seen, openness, opening, np.concatenate(owners), Hits(*joined)
 
 
 def _met(owner: NDArray[np.intp], hits: Hits, samples: Samples, tree: cKDTree | None, count: int) -> sparse.csr_array:

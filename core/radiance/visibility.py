@@ -162,10 +162,16 @@ def hemisphere(normals: Array, rays: int) -> Array:
 
 def openness(samples: Samples, visible: Visible, rays: int, far: float) -> Array:
     """Compute the share (N,) of the cosine-weighted hemisphere over each sample that sees past the geometry."""
+    return opened(samples, visible, rays, far)[0]
+
+
+def opened(samples: Samples, visible: Visible, rays: int, far: float) -> tuple[Array, Array]:
+    """Compute the openness (N,), and that times the mean direction of what is open (N, 3): see `Samples.opening`."""
     direction = hemisphere(samples.normal, rays)
     start = samples.point + samples.lift * samples.normal
     wanted = np.ones(direction.shape[:2], dtype=bool)
-    return _cast(start, start[:, None] + far * direction, wanted, visible).mean(axis=1)
+    arrives = _cast(start, start[:, None] + far * direction, wanted, visible)
+    return arrives.mean(axis=1), np.einsum("nk,nkc->nc", arrives, direction) / rays
 
 
 def _cast(start: Array, target: Array, wanted: Mask, visible: Visible) -> Mask:

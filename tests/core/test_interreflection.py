@@ -10,6 +10,7 @@ from core.progress import drain
 from core.radiance.interreflection import gather, patch_radiance
 from core.radiance.light_units import intensity_from_power
 from core.radiance.lights import shading
+from core.radiance.visibility import opened
 from core.types import AreaLight, Buffers, Camera, Hits, Photo, PointLight, Samples
 
 RADIUS, ALBEDO = 2.0, 0.5
@@ -32,6 +33,8 @@ def test_between_surfaces_of_one_brightness_each_receives_it_by_the_share_it_see
     off = around.samples.openness - (1 - closed)
     assert np.abs(off).max() < most and np.abs(off).mean() < usual and abs(off.mean()) < 0.002
     np.testing.assert_allclose(sent, (1 - around.samples.openness)[:, None] * colour, rtol=1e-12)
+    opening = opened(samples, ball.visible, 4096, 100.0)[1]
+    assert np.abs(around.samples.opening - opening).mean() < usual
 
 
 def test_what_the_photo_shows_needs_no_guess(ball):

@@ -7,7 +7,7 @@ import pytest
 
 from core.photo.samples import choose_samples
 from core.radiance.lights import facing
-from core.radiance.visibility import openness, pattern, settled, visible_fraction, visible_fractions
+from core.radiance.visibility import opened, openness, pattern, settled, visible_fraction, visible_fractions
 from core.types import PointLight, Samples, SunLight
 
 
@@ -84,6 +84,21 @@ def test_openness_under_the_ball_is_one_less_its_form_factor(ball):
     samples = floor_samples(np.stack([x, 0 * x, 0 * x], axis=1))
     expected = ball.openness(samples.point, samples.normal)
     np.testing.assert_allclose(openness(samples, ball.visible, 4096, 100.0), expected, atol=4e-3)
+
+
+def test_what_is_open_lies_on_the_whole_away_from_the_ball(ball):
+    """By quadrature over a regular grid of directions, each asked whether it meets the ball."""
+    x = np.array([0.3, 0.8, 1.5, 40.0])
+    samples = floor_samples(np.stack([x, 0 * x, 0 * x], axis=1))
+    _, opening = opened(samples, ball.visible, 4096, 100.0)
+    up, turn = np.meshgrid((np.arange(300) + 0.5) / 300, 2 * np.pi * (np.arange(600) + 0.5) / 600)
+    away = np.sqrt(1 - up**2)
+    way = np.stack([away * np.cos(turn), away * np.sin(turn), up], axis=-1).reshape(-1, 3)
+    for point, found in zip(samples.point, opening, strict=True):
+        start = np.broadcast_to(point + np.array([0, 0, 1e-9]), way.shape)
+        expected = 2 * np.mean(way * (way[:, 2:] * ball.visible(start, start + 100 * way)[:, None]), axis=0)
+        np.testing.assert_allclose(found, expected, atol=4e-3)
+    np.testing.assert_allclose(opening[-1], [0, 0, 2 / 3], atol=4e-3)
 
 
 @pytest.mark.parametrize(

@@ -29,17 +29,6 @@ def test_a_floor_under_a_world_that_differs_by_direction_shows_what_falls_on_it(
     np.testing.assert_allclose(shown, ALBEDO * (EVEN + 2 / 3 * normal @ SLOPE), rtol=0.01)
 
 
-def test_no_direction_takes_light_away(tabletop, floor, load, drain):
-    """All of it from above, three times as steep as radiance can fall: what is left is (1 + 3 cos t) where positive."""
-    steep = np.zeros((3, 3))
-    steep[2] = -3 * EVEN
-    load("reshade_addon.scene_write").write_world(tabletop, EVEN, steep)
-    bpy.context.view_layer.update()
-    shown = drain(load("reshade_addon.rendering").render(tabletop, 256))[30:60, 30:60].mean(axis=(0, 1))
-    edge = 1 / 3  # cosine at which nothing is left
-    np.testing.assert_allclose(shown, ALBEDO * EVEN * (edge**2 - 2 * edge**3), rtol=0.03)
-
-
 def test_its_mean_colour_is_there_to_edit_and_the_preview_follows(tabletop, load):
     write, previewing = load("reshade_addon.scene_write"), load("reshade_addon.previewing")
     write.write_world(tabletop, EVEN, SLOPE)
