@@ -166,11 +166,13 @@ def in_regions(samples: Samples, found: Materials, label: Labels) -> Samples:
 def absolute(materials: Materials, samples: Samples) -> tuple[Materials, str]:
     """Give strengths and albedos the scale that light from other surfaces or bright textures ask for.
 
-    Returns the convention too (`scale`). It stays as it was where neither says anything.
+    Returns the convention too (`scale`). It stays as it was where neither says anything, or what surfaces send one
+    another, though it does not tell clearly, speaks against darker ones: Cycles would then make too little of it.
     """
     found = materials.radiometry
     by, words = by_bounces(found, materials.factor if materials.told else 0.0)
-    if by == 1.0:
+    bright = materials.bounced is not None and materials.factor * found.strengths[0].mean() >= 1.0
+    if by == 1.0 and not bright:
         by, words = by_texture(found, materials.matt or samples)
     if by == 1.0:
         return materials, words

@@ -80,3 +80,13 @@ def test_bounces_that_ask_for_no_albedos_do_not_count():
     strength = found.strengths[0].mean()
     assert by_bounces(found, 0.5 / strength)[0] == pytest.approx(0.5)
     assert by_bounces(found, 0.0) == (1.0, SCALE) and by_bounces(found, 2.0 / strength) == (1.0, SCALE)
+
+
+def test_a_texture_does_not_darken_albedos_that_light_between_surfaces_wants_bright():
+    samples, shading = made(0.9)
+    before, after, _ = solved(samples, shading)
+    strength = before.radiometry.strengths[0].mean()
+    sent = np.zeros((len(samples), 3))
+    for wants, scale in ((0.7, after.radiometry), (1.3, before.radiometry)):
+        found, _ = absolute(replace(before, bounced=sent, factor=wants / strength), samples)
+        np.testing.assert_array_equal(found.radiometry.albedo, scale.albedo)
