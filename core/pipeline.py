@@ -18,7 +18,7 @@ from .light.search import Searched, search, with_second, without_highlights
 from .light.sight import Asked, Sight, asked, look
 from .light.uncertainty import uncertainty_of
 from .materials.ambient import richer_ambient
-from .materials.radiometric import CONSTANT, SKY, left_over
+from .materials.radiometric import CONSTANT, SKY, left_over, roots_left_over
 from .materials.scale import Card
 from .materials.solve import Materials, absolute, in_regions
 from .materials.under_lights import materials_under
@@ -249,8 +249,12 @@ def _settled(
         materials = yield from shifted(under(fit.light, here), 0.9, 0.95)
     if free:
         under_sky = yield from shifted(under(fit.light, found.asked, SKY), 0.95, 1.0)
-        gain = left_over(here.samples, materials.radiometry) - left_over(here.samples, under_sky.radiometry)
-        looked = (*looked, Candidate(BY_DIRECTION, float(-gain), 0.0))
+        left = [
+            roots_left_over(here.samples, here.samples.colour - one.radiometry.residual).mean()
+            for one in (materials, under_sky)
+        ]
+        gain = float(left[0] - left[1])
+        looked = (*looked, Candidate(BY_DIRECTION, -gain, 0.0))
         if gain > _SKY_GAIN:
             here, materials = found.asked, under_sky
     return _Settled(fit, here, materials, looked)

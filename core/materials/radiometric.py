@@ -18,6 +18,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..light.problem import usual_spread, weighted_quantile
+from ..photo.samples import surface_means
 from ..types import Array, Samples
 
 LARGEST_ALBEDO = 0.8
@@ -25,6 +26,8 @@ SCALE = "largest albedo channel 0.8, first light white: only strength times albe
 NONE, CONSTANT, SKY = "none", "constant", "sky"  # what an ambient may be
 _COLOUR_GAIN = 0.02  # of the logarithm of what is left over: 2 % less
 AXES = np.vstack([np.eye(3), -np.eye(3)])  # (6, 3) directions
+_ROOTS_GAIN = 0.01  # of the same, of roots: an ambient that they ask for
+_SHARES = 1e-3, 2.0, 34  # of what light there usually is: ambients that are tried, a quarter from one to the next
 _SKY_GAIN = 0.004  # of the same; without a sky the photos of suns that were tried gain 0.001 at most
 _ROUNDS = 200
 _SETTLED, _ROUGHLY = 1e-6, 1e-3  # change of a round, of the unknowns
@@ -71,6 +74,7 @@ def solve_radiometry(
         return coloured
     plain = _with_plain_ambient(samples, lit, coloured)
     best = coloured if left_over(samples, coloured) < left_over(samples, plain) - _COLOUR_GAIN else plain
+    best = _by_roots(samples, lit, best)
     if ambient == SKY:
         under_sky = _solve(samples, lit, _towards_axes(samples), settled)
         best = under_sky if left_over(samples, under_sky) < left_over(samples, best) - _SKY_GAIN else best
@@ -120,15 +124,61 @@ def _solve(samples: Samples, shading: Array, ambient: Array, settled: float) -> 
 
 def _with_plain_ambient(samples: Samples, shading: Array, coloured: Radiometry) -> Radiometry:
     """Solve with an ambient of the first light's colour: none, or what one channel says of it; what leaves least."""
-
-    def with_share(ratio: float) -> Radiometry:
-        first = shading[:, :1] + ratio * samples.openness[:, None, None]
-        found = _solve(samples, np.concatenate([first, shading[:, 1:]], axis=1), np.zeros((len(samples), 1)), _SETTLED)
-        return replace(found, ambient=ratio * found.strengths[0])
-
     lit = coloured.strengths[0] > 0
     ratios = [0.0, *(coloured.ambient[lit] / coloured.strengths[0][lit]).tolist()]
-    return min(map(with_share, ratios), key=lambda found: left_over(samples, found))
+    tried = [_with_share(samples, shading, np.full(3, ratio)) for ratio in ratios]
+    return min(tried, key=lambda found: left_over(samples, found))
+
+
+def _with_share(samples: Samples, shading: Array, ratio: Array) -> Radiometry:
+    """Solve with an ambient (3,) of so many times the first light's strength."""
+    first = shading[:, :1] + ratio * samples.openness[:, None, None]
+    found = _solve(samples, np.concatenate([first, shading[:, 1:]], axis=1), np.zeros((len(samples), 1)), _SETTLED)
+    return replace(found, ambient=ratio * found.strengths[0])
+
+
+def _by_roots(samples: Samples, shading: Array, found: Radiometry) -> Radiometry:
+    """Solve with the ambient that leaves least of the photo's roots, white or not, where it leaves clearly less.
+
+    Linear residuals are those of what is bright, its texture. Where much is not as modelled they hardly hear the dark,
+    which shows the ambient alone; the root of radiance, as noisy in the dark as in the light, does.
+    """
+    power = np.where(found.strengths[0] > 0, found.strengths[0], np.inf)
+    lit = np.einsum("nlc,lc->nc", shading, found.strengths) / power
+    usual = float(np.average(lit.mean(axis=1), weights=samples.weight))
+    tried = usual * np.concatenate([[0.0], np.geomspace(*_SHARES)])
+
+    def left_by(ratio: Array | float) -> Array:
+        return roots_left_over(samples, _by_medians(samples, lit + ratio * samples.openness[:, None]))
+
+    before, left = left_by(found.ambient / power), np.array([left_by(ratio) for ratio in tried])
+    best, white, coloured = found, tried[left.mean(axis=1).argmin()], tried[left.argmin(axis=0)]
+    for ratio, price in ((np.full(3, white), _ROOTS_GAIN), (coloured, _COLOUR_GAIN)):
+        there = left_by(ratio)
+        if there.mean() < before.mean() - price:
+            best, before = _with_share(samples, shading, ratio), there
+    return best
+
+
+def _by_medians(samples: Samples, shading: Array) -> Array:
+    """What samples show (N, 3) under a shading (N, 3), each surface's albedo the one that leaves least of the roots."""
+    albedo, light = np.zeros((len(samples.names), 3)), np.maximum(shading, 1e-300)
+    for s in np.unique(samples.surface):
+        of = samples.surface == s
+        weight = samples.weight[of, None] * np.sqrt(shading[of])
+        ratio = samples.colour[of] / light[of]
+        albedo[s] = [weighted_quantile(ratio[:, c], weight[:, c], 0.5) if weight[:, c].any() else 0 for c in range(3)]
+    return albedo[samples.surface] * shading
+
+
+def roots_left_over(samples: Samples, model: Array) -> Array:
+    """What `left_over` is of the roots of photo and model (N, 3), in each channel (3,); its unit is radiance, too."""
+    root = np.sqrt(np.maximum(samples.colour, 0.0))
+    off = np.abs(root - np.sqrt(np.maximum(model, 0.0)))
+    usual = np.sqrt(surface_means(samples, root**2))
+    floor = 1e-5 * max(float(np.mean(samples.colour)), 1e-300)
+    mean = np.log(2 * usual * surface_means(samples, off) + floor)
+    return np.asarray(np.average(mean[samples.surface], axis=0, weights=samples.weight))
 
 
 def left_over(samples: Samples, found: Radiometry) -> float:

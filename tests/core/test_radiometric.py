@@ -153,3 +153,14 @@ def test_texture_in_the_light_does_not_bend_the_ambient():
     )  # fmt: skip
     found = solve_radiometry(samples, lit[:, None])
     np.testing.assert_allclose(found.ambient / found.strengths[0], 0.03, rtol=0.06)
+
+
+def test_what_the_dark_shows_of_the_ambient_is_heard_where_the_light_is_not_quite_as_modelled():
+    """Shading that falls too slowly asks for less than none; the fifth that lies in the dark shows what there is."""
+    rng = np.random.default_rng(4)
+    samples, shading = made(np.full((1, 3), 5.0), np.zeros(3), ALBEDO, count=1500)
+    shading[np.arange(1500) % 5 == 0] = 0.0
+    light = shading[:, :1] ** 1.4 + 0.04 * samples.openness[:, None]
+    texture = np.exp(0.2 * rng.normal(size=(1500, 1)))
+    found = solve_radiometry(replace(samples, colour=5 * ALBEDO[samples.surface] * light * texture), shading)
+    np.testing.assert_allclose(found.ambient / found.strengths[0], 0.04, rtol=0.1)
