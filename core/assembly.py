@@ -16,13 +16,12 @@ from .photo.segmentation import whole
 from .radiance.lights import with_strength
 from .types import AmbientLevel, Candidate, Estimate, Light, Photo, Samples, Surface, Uncertainty
 
-BY_DIRECTION = "ambient by direction"
 _UNTRUSTED = 0.6  # share of the photo's variation left over, above which no light explains it
 
 
 def _named(materials: Materials, samples: Samples, ambient: Ambient | None) -> str:
     """What the solve took into account, in words."""
-    plain = "constant ambient" if materials.radiometry.sky is None else BY_DIRECTION
+    plain = "constant ambient" if materials.radiometry.sky is None else "ambient by direction"
     around = NAMES[ambient.model] if ambient else plain
     glossy = [name for name, one in zip(samples.names, materials.gloss, strict=True) if one]
     bounced = ", interreflection" if materials.bounced is not None else ""

@@ -7,7 +7,7 @@ command line drain them and either can stop between two steps.
 from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass, replace
 
-from .assembly import BY_DIRECTION, Clock, assembled, failed, united
+from .assembly import Clock, assembled, failed, united
 from .effort import EFFORTS, Effort
 from .light.ambient_choice import with_richer_ambient
 from .light.fit import LightFit, explained
@@ -18,7 +18,7 @@ from .light.search import Searched, search, with_second, without_highlights
 from .light.sight import Asked, Sight, asked, look
 from .light.uncertainty import uncertainty_of
 from .materials.ambient import richer_ambient
-from .materials.radiometric import CONSTANT, SKY, left_over, roots_left_over
+from .materials.radiometric import CONSTANT, FREE, ROOTS_GAIN, SKY, left_over, roots_left_over
 from .materials.scale import Card
 from .materials.solve import Materials, absolute, in_regions
 from .materials.under_lights import materials_under
@@ -43,7 +43,6 @@ from .types import (
 
 # Of the logarithm of what is left over:
 _SECOND_GAIN = 0.05  # a second light beside highlights that explains less is none
-_SKY_GAIN = 0.015  # beside an estimated light six levels have to explain that: they would make up for one a little off
 _GLOSS_ROUNDS = 2  # of light and gloss in turn
 _RESPONSE_ROUNDS = 2  # of light and response in turn
 
@@ -248,15 +247,11 @@ def _settled(
     if fit.light is not before.light:
         materials = yield from shifted(under(fit.light, here), 0.9, 0.95)
     if free:
-        under_sky = yield from shifted(under(fit.light, found.asked, SKY), 0.95, 1.0)
-        left = [
-            roots_left_over(here.samples, here.samples.colour - one.radiometry.residual).mean()
-            for one in (materials, under_sky)
-        ]
-        gain = float(left[0] - left[1])
-        looked = (*looked, Candidate(BY_DIRECTION, -gain, 0.0))
-        if gain > _SKY_GAIN:
-            here, materials = found.asked, under_sky
+        freer = yield from shifted(under(fit.light, found.asked, FREE), 0.95, 1.0)
+        before, after = (roots_left_over(here.samples, one.radiometry.residual).mean() for one in (materials, freer))
+        looked = (*looked, Candidate("freer ambient", float(after - before), 0.0))
+        if before - after > ROOTS_GAIN:
+            here, materials = found.asked, freer
     return _Settled(fit, here, materials, looked)
 
 

@@ -23,10 +23,10 @@ from ..types import Array, Samples
 
 LARGEST_ALBEDO = 0.8
 SCALE = "largest albedo channel 0.8, first light white: only strength times albedo can be seen"
-NONE, CONSTANT, SKY = "none", "constant", "sky"  # what an ambient may be
+NONE, CONSTANT, SKY, FREE = "none", "constant", "sky", "free"  # what an ambient may be: see `solve_radiometry`
 _COLOUR_GAIN = 0.02  # of the logarithm of what is left over: 2 % less
 AXES = np.vstack([np.eye(3), -np.eye(3)])  # (6, 3) directions
-_ROOTS_GAIN = 0.01  # of the same, of roots: an ambient that they ask for
+ROOTS_GAIN = 0.015  # of the same, of roots: an ambient that they ask for
 _SHARES = 1e-3, 2.0, 34  # of what light there usually is: ambients that are tried, a quarter from one to the next
 _SKY_GAIN = 0.004  # of the same; without a sky the photos of suns that were tried gain 0.001 at most
 _ROUNDS = 200
@@ -58,7 +58,8 @@ def solve_radiometry(
     """Solve for strengths, albedos and ambient.
 
     shading : (N, L) or (N, L, 3) of each light at unit strength, shadows included
-    ambient : NONE holds it at zero, SKY lets it be one, where that leaves less over
+    ambient : NONE holds it at zero, CONSTANT makes it one radiance, SKY lets it differ by direction where that leaves
+        less over; so does FREE by the photo's roots, by which it judges a constant, too
     bounced : (N, 3) what other surfaces send, over the first light's strength
     roughly : to a thousandth, with an ambient of whatever colour fits best: an eighth of the work
     Residuals beyond their surface's usual spread count less (soft-L1), so highlights and unmodelled things do not pull.
@@ -70,15 +71,18 @@ def solve_radiometry(
         lit[:, 0] += bounced
     settled = _ROUGHLY if roughly else _SETTLED
     coloured = _solve(samples, lit, samples.openness[:, None] * float(ambient != NONE), settled)
-    if roughly or not np.any(coloured.ambient > 0):
+    if roughly or ambient == NONE:
         return coloured
     plain = _with_plain_ambient(samples, lit, coloured)
     best = coloured if left_over(samples, coloured) < left_over(samples, plain) - _COLOUR_GAIN else plain
-    best = _by_roots(samples, lit, best)
+    if ambient == CONSTANT:
+        return best
+    under_sky = _solve(samples, lit, _towards_axes(samples), settled)
     if ambient == SKY:
-        under_sky = _solve(samples, lit, _towards_axes(samples), settled)
-        best = under_sky if left_over(samples, under_sky) < left_over(samples, best) - _SKY_GAIN else best
-    return best
+        return under_sky if left_over(samples, under_sky) < left_over(samples, best) - _SKY_GAIN else best
+    best = _by_roots(samples, lit, best)
+    gain = roots_left_over(samples, best.residual).mean() - roots_left_over(samples, under_sky.residual).mean()
+    return under_sky if gain > ROOTS_GAIN else best
 
 
 def radiance_of(sky: Array) -> tuple[Array, Array]:
@@ -125,7 +129,7 @@ def _solve(samples: Samples, shading: Array, ambient: Array, settled: float) -> 
 def _with_plain_ambient(samples: Samples, shading: Array, coloured: Radiometry) -> Radiometry:
     """Solve with an ambient of the first light's colour: none, or what one channel says of it; what leaves least."""
     lit = coloured.strengths[0] > 0
-    ratios = [0.0, *(coloured.ambient[lit] / coloured.strengths[0][lit]).tolist()]
+    ratios = {0.0, *(coloured.ambient[lit] / coloured.strengths[0][lit]).tolist()}
     tried = [_with_share(samples, shading, np.full(3, ratio)) for ratio in ratios]
     return min(tried, key=lambda found: left_over(samples, found))
 
@@ -149,11 +153,11 @@ def _by_roots(samples: Samples, shading: Array, found: Radiometry) -> Radiometry
     tried = usual * np.concatenate([[0.0], np.geomspace(*_SHARES)])
 
     def left_by(ratio: Array | float) -> Array:
-        return roots_left_over(samples, _by_medians(samples, lit + ratio * samples.openness[:, None]))
+        return roots_left_over(samples, samples.colour - _by_medians(samples, lit + ratio * samples.openness[:, None]))
 
     before, left = left_by(found.ambient / power), np.array([left_by(ratio) for ratio in tried])
     best, white, coloured = found, tried[left.mean(axis=1).argmin()], tried[left.argmin(axis=0)]
-    for ratio, price in ((np.full(3, white), _ROOTS_GAIN), (coloured, _COLOUR_GAIN)):
+    for ratio, price in ((np.full(3, white), ROOTS_GAIN), (coloured, _COLOUR_GAIN)):
         there = left_by(ratio)
         if there.mean() < before.mean() - price:
             best, before = _with_share(samples, shading, ratio), there
@@ -171,10 +175,13 @@ def _by_medians(samples: Samples, shading: Array) -> Array:
     return albedo[samples.surface] * shading
 
 
-def roots_left_over(samples: Samples, model: Array) -> Array:
-    """What `left_over` is of the roots of photo and model (N, 3), in each channel (3,); its unit is radiance, too."""
+def roots_left_over(samples: Samples, residual: Array) -> Array:
+    """What `left_over` is of the roots of photo and model, in each channel (3,); its unit is radiance, too.
+
+    residual : (N, 3) photo less model
+    """
     root = np.sqrt(np.maximum(samples.colour, 0.0))
-    off = np.abs(root - np.sqrt(np.maximum(model, 0.0)))
+    off = np.abs(root - np.sqrt(np.maximum(samples.colour - residual, 0.0)))
     usual = np.sqrt(surface_means(samples, root**2))
     floor = 1e-5 * max(float(np.mean(samples.colour)), 1e-300)
     mean = np.log(2 * usual * surface_means(samples, off) + floor)
