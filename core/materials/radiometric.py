@@ -166,7 +166,7 @@ def _by_roots(samples: Samples, shading: Array, found: Radiometry) -> Radiometry
 
 def _by_medians(samples: Samples, shading: Array) -> Array:
     """What samples show (N, 3) under a shading (N, 3), each surface's albedo the one that leaves least of the roots."""
-    albedo, light = np.zeros((len(samples.names), 3)), np.maximum(shading, 1e-300)
+    albedo, light = np.zeros((len(samples.names), 3)), np.where(shading > 0, shading, np.inf)
     for s in np.unique(samples.surface):
         of = samples.surface == s
         weight = samples.weight[of, None] * np.sqrt(shading[of])

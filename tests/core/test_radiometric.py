@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from core.materials.radiometric import FREE, LARGEST_ALBEDO, NONE, SKY, radiance_of, solve_radiometry
+from core.materials.radiometric import CONSTANT, FREE, LARGEST_ALBEDO, NONE, SKY, radiance_of, solve_radiometry
 from core.types import Samples
 
 
@@ -120,12 +120,13 @@ def test_a_surface_that_no_light_reaches_is_black_not_wild():
     np.testing.assert_allclose(found.albedo[:2], ALBEDO[:2], rtol=1e-4)
 
 
+@pytest.mark.parametrize("ambient", [CONSTANT, SKY, FREE])
 @given(seed=st.integers(0, 10_000), exposure=st.sampled_from([1e-9, 1e-3, 1.0, 1e6]), noise=st.floats(0, 2))
-def test_nothing_is_ever_negative_or_no_number(seed, exposure, noise):
+def test_nothing_is_ever_negative_or_no_number(ambient, seed, exposure, noise):
     rng = np.random.default_rng(seed)
     samples, shading = made(np.full((2, 3), 3.0), np.full(3, 0.1), ALBEDO, count=60, seed=seed)
     samples.colour[:] = np.maximum(samples.colour * (1 + noise * rng.normal(size=samples.colour.shape)), 0) * exposure
-    found = solve_radiometry(samples, shading)
+    found = solve_radiometry(samples, shading, ambient=ambient)
     for values in (found.strengths, found.ambient, found.albedo):
         assert np.all(np.isfinite(values)) and np.all(values >= 0)
     assert found.albedo.max() <= LARGEST_ALBEDO * (1 + 1e-12)
