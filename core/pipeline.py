@@ -217,7 +217,7 @@ def _settled(
 ) -> Generator[Progress, None, _Settled]:
     """Solve for the materials, and for the light anew beside their gloss and under a richer ambient, if it is free to.
 
-    Then come the fit's last steps, and the materials under what they led to.
+    Then come the fit's last steps, and the materials under what they led to and what ambient the photo's roots ask for.
     """
     here, fit = found.asked, found.fit
     looked: tuple[Candidate, ...] = ()
@@ -248,9 +248,9 @@ def _settled(
         materials = yield from shifted(under(fit.light, here), 0.9, 0.95)
     if free:
         freer = yield from shifted(under(fit.light, found.asked, FREE), 0.95, 1.0)
-        before, after = (roots_left_over(here.samples, one.radiometry.residual).mean() for one in (materials, freer))
-        looked = (*looked, Candidate("freer ambient", float(after - before), 0.0))
-        if before - after > ROOTS_GAIN:
+        held, left = (roots_left_over(here.samples, one.radiometry.residual).mean() for one in (materials, freer))
+        looked = (*looked, Candidate("freer ambient", float(left - held), 0.0))
+        if held - left > ROOTS_GAIN:
             here, materials = found.asked, freer
     return _Settled(fit, here, materials, looked)
 
