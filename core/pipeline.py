@@ -41,8 +41,7 @@ from .types import (
     Visible,
 )
 
-# Of the logarithm of what is left over:
-_SECOND_GAIN = 0.05  # a second light beside highlights that explains less is none
+_SECOND_GAIN = 0.05  # of the logarithm of what is left over: a second light explains more than that beside highlights
 _GLOSS_ROUNDS = 2  # of light and gloss in turn
 _RESPONSE_ROUNDS = 2  # of light and response in turn
 

@@ -182,21 +182,20 @@ def roots_left_over(samples: Samples, residual: Array) -> Array:
     """
     root = np.sqrt(np.maximum(samples.colour, 0.0))
     off = np.abs(root - np.sqrt(np.maximum(samples.colour - residual, 0.0)))
-    usual = np.sqrt(surface_means(samples, root**2))
-    floor = 1e-5 * max(float(np.mean(samples.colour)), 1e-300)
-    mean = np.log(2 * usual * surface_means(samples, off) + floor)
-    return np.asarray(np.average(mean[samples.surface], axis=0, weights=samples.weight))
+    slope = 2 * np.sqrt(surface_means(samples, root**2))
+    return _mean_log(samples, slope[samples.surface] * off)
 
 
 def left_over(samples: Samples, found: Radiometry) -> float:
     """Mean over samples and channels of the logarithm of their surface's mean absolute residual."""
-    total, floor = 0.0, 1e-5 * max(float(np.mean(samples.colour)), 1e-300)
-    for s in np.unique(samples.surface):
-        of = samples.surface == s
-        weight = samples.weight[of]
-        off = np.average(np.abs(found.residual[of]), axis=0, weights=weight)
-        total += weight.sum() * float(np.log(off + floor).mean())
-    return total / float(samples.weight.sum())
+    return float(_mean_log(samples, np.abs(found.residual)).mean())
+
+
+def _mean_log(samples: Samples, off: Array) -> Array:
+    """Mean over samples of the logarithm of their surface's mean of `off` (N, 3), in each channel (3,)."""
+    floor = 1e-5 * max(float(np.mean(samples.colour)), 1e-300)
+    logs = np.log(surface_means(samples, off) + floor)
+    return np.asarray(np.average(logs[samples.surface], axis=0, weights=samples.weight))
 
 
 def _solve_channel(
