@@ -21,7 +21,7 @@ from .materials.ambient import richer_ambient
 from .materials.radiometric import CONSTANT, FREE, ROOTS_GAIN, SKY, left_over, roots_left_over
 from .materials.scale import Card
 from .materials.solve import Materials, absolute, in_regions
-from .materials.under_lights import materials_under
+from .materials.under_lights import Lighting, lighting, materials_under
 from .photo.response import straightened
 from .photo.segmentation import at_samples, cut
 from .progress import shifted, watched
@@ -147,16 +147,17 @@ def solve(
     here = yield from shifted(asked(sight, samples, effort.around_rays), 0.0, 0.15)
     clock.mark("samples")
     outdoors = SKY if isinstance(lights[0], SunLight) else CONSTANT
-    materials = yield from shifted(materials_under(sight, here, lights, effort, card, ambient=outdoors), 0.15, 0.6)
+    lit = yield from shifted(lighting(sight, here, lights, effort), 0.15, 0.3)
+    materials = yield from shifted(materials_under(lit, here, effort, card, ambient=outdoors), 0.3, 0.6)
     divided = in_regions(here.samples, materials, at_samples(cut(photo, buffers), here.samples, buffers.stride))
     if len(divided.names) > len(samples.names):
         here = replace(here, samples=divided)
-        materials = yield from shifted(materials_under(sight, here, lights, effort, card, ambient=outdoors), 0.6, 1.0)
+        materials = yield from shifted(materials_under(lit, here, effort, card, ambient=outdoors), 0.6, 0.8)
     constant = materials.radiometry.sky is None
     ambient, looked = richer_ambient(sight, here, lights[0], materials) if constant else (None, ())
     if ambient:
         here = here.under(ambient)
-        materials = yield from shifted(materials_under(sight, here, lights, effort, card), 0.8, 1.0)
+        materials = yield from shifted(materials_under(lit, here, effort, card), 0.8, 1.0)
     if card is None:
         materials, scale = absolute(materials, here.samples)
     else:
@@ -221,11 +222,11 @@ def _settled(
     here, fit = found.asked, found.fit
     looked: tuple[Candidate, ...] = ()
 
-    def under(light: Light, asked: Asked, ambient: str = CONSTANT) -> Generator[Progress, None, Materials]:
-        lights = (light, *_others(found))
-        return materials_under(sight, asked, lights, effort, bounce=found.bounce, ambient=ambient)
+    def under(light: Light, asked: Asked) -> Generator[Progress, None, tuple[Lighting, Materials]]:
+        return _under(sight, asked, (light, *_others(found)), effort, found.bounce)
 
-    materials, there = (yield from shifted(under(fit.light, here), 0.0, 0.33)), here
+    lit, materials = yield from shifted(under(fit.light, here), 0.0, 0.33)
+    there = here
     for turn in range(_GLOSS_ROUNDS):
         if materials.matt is None:
             break
@@ -233,7 +234,7 @@ def _settled(
         begin = 0.33 + 0.33 * turn / _GLOSS_ROUNDS
         there = replace(here, samples=materials.matt)
         fit, there = yield from shifted(polished(sight, there, fit.light, effort), begin, begin + 0.07)
-        materials = yield from shifted(under(fit.light, here), begin + 0.07, begin + 0.16)
+        lit, materials = yield from shifted(under(fit.light, here), begin + 0.07, begin + 0.16)
     # Free levels would make up for a wrong light, too, and stand for what is left of highlights.
     if free and materials.matt is None:
         clock.mark("solve")
@@ -241,17 +242,26 @@ def _settled(
         clock.mark("ambient")
         if there.ambient:
             here = here.under(there.ambient)
-            materials = yield from shifted(under(fit.light, here), 0.73, 0.8)
+            lit, materials = yield from shifted(under(fit.light, here), 0.73, 0.8)
     before, fit = fit, (yield from shifted(finished(sight, there, fit, effort), 0.8, 0.9))
     if fit.light is not before.light:
-        materials = yield from shifted(under(fit.light, here), 0.9, 0.95)
+        lit, materials = yield from shifted(under(fit.light, here), 0.9, 0.95)
     if free:
-        freer = yield from shifted(under(fit.light, found.asked, FREE), 0.95, 1.0)
+        solving = materials_under(lit, found.asked, effort, bounce=found.bounce, ambient=FREE)
+        freer = yield from shifted(solving, 0.95, 1.0)
         held, left = (roots_left_over(here.samples, one.radiometry.residual).mean() for one in (materials, freer))
         looked = (*looked, Candidate("freer ambient", float(left - held), 0.0))
         if held - left > ROOTS_GAIN:
             here, materials = found.asked, freer
     return _Settled(fit, here, materials, looked)
+
+
+def _under(
+    sight: Sight, here: Asked, lights: Sequence[Light], effort: Effort, bounce: float | None
+) -> Generator[Progress, None, tuple[Lighting, Materials]]:
+    """What reaches samples of lights, and the materials under them."""
+    lit = yield from shifted(lighting(sight, here, lights, effort), 0.0, 0.3)
+    return lit, (yield from shifted(materials_under(lit, here, effort, bounce=bounce), 0.3, 1.0))
 
 
 def _others(found: Searched) -> tuple[Light, ...]:
@@ -263,18 +273,16 @@ def _perhaps_two(sight: Sight, one: Searched, effort: Effort) -> Generator[Progr
     two = yield from shifted(with_second(sight, one, effort), 0.0, 0.4)
     if two.second is None:
         return two
-    materials = yield from shifted(
-        materials_under(sight, one.asked, (one.fit.light,), effort, bounce=one.bounce), 0.4, 0.5
-    )
+    _, materials = yield from shifted(_under(sight, one.asked, (one.fit.light,), effort, one.bounce), 0.4, 0.5)
     if materials.matt is None:
         return two
     bare = yield from shifted(without_highlights(sight, one, materials.matt, effort), 0.5, 0.6)
     two = yield from shifted(with_second(sight, bare, effort), 0.6, 0.9)
     if two.second is not None:
-        both = materials_under(sight, one.asked, (two.fit.light, two.second.light), effort, bounce=one.bounce)
-        alone = materials_under(sight, one.asked, (bare.fit.light,), effort, bounce=one.bounce)
+        both = _under(sight, one.asked, (two.fit.light, two.second.light), effort, one.bounce)
+        alone = _under(sight, one.asked, (bare.fit.light,), effort, one.bounce)
         under = (yield from shifted(both, 0.9, 0.95)), (yield from shifted(alone, 0.95, 1.0))
-        two_leave, one_leaves = (left_over(one.asked.samples, found.radiometry) for found in under)
+        two_leave, one_leaves = (left_over(one.asked.samples, found.radiometry) for _, found in under)
         if two_leave > one_leaves - _SECOND_GAIN:  # it stood for highlights
             held = replace(two.candidates[-1], score=two_leave - one_leaves)
             two = replace(bare, candidates=(*bare.candidates, held))

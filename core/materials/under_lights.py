@@ -1,7 +1,8 @@
 """Materials under lights that stay where they are: shadows are cast, then interreflection has to show its worth."""
 
 from collections.abc import Generator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -10,7 +11,7 @@ from ..light.sight import Asked, Sight
 from ..progress import shifted
 from ..radiance.lights import shading
 from ..radiance.visibility import visible_fraction
-from ..types import Light, Progress
+from ..types import Array, Light, Progress
 from .bounces import Bounces, falling
 from .radiometric import CONSTANT, left_over
 from .scale import Card
@@ -19,10 +20,32 @@ from .solve import Materials, solve_materials
 _BOUNCE_GAIN = 0.05  # of the logarithm of what is left over: interreflection that explains less is left out
 
 
+@dataclass(frozen=True, slots=True)
+class Lighting:
+    """L lights that stay where they are, and what reaches N samples of each at unit strength."""
+
+    lights: tuple[Light, ...]
+    shading: Array  # (N, L), shadows included
+    visible: Array  # (N, L) the share of it that is seen
+    falling: Array  # (R, L) on what the photo does not show, as far as it was looked at
+
+
+def lighting(sight: Sight, here: Asked, lights: Sequence[Light], effort: Effort) -> Generator[Progress, None, Lighting]:
+    """Cast the shadows of lights on samples."""
+    samples = here.samples
+    shares = []
+    for i, light in enumerate(lights):
+        yield Progress(i / len(lights), f"Casting shadows of light {i + 1} of {len(lights)}")
+        shares.append(visible_fraction(light, samples, sight.visible, effort.fit_rays, sight.far))
+    visible = np.stack(shares, axis=1)
+    unshadowed = np.stack([shading(light, samples.point, samples.normal) for light in lights], axis=1)
+    unseen = falling(here.around, lights, sight.visible, sight.far) if here.around else np.zeros((0, len(lights)))
+    return Lighting(tuple(lights), unshadowed * visible, visible, unseen)
+
+
 def materials_under(
-    sight: Sight,
+    lit: Lighting,
     here: Asked,
-    lights: Sequence[Light],
     effort: Effort,
     card: Card | None = None,
     bounce: float | None = None,
@@ -35,23 +58,14 @@ def materials_under(
     ambient : what it may be, as `solve_radiometry` says
     Raises ReshadeError where the photo does not show the card.
     """
-    samples = here.samples
-    shares, columns = [], []
-    for i, light in enumerate(lights):
-        yield Progress(0.3 * i / len(lights), f"Casting shadows of light {i + 1} of {len(lights)}")
-        shares.append(visible_fraction(light, samples, sight.visible, effort.fit_rays, sight.far))
-        columns.append(shading(light, samples.point, samples.normal) * shares[-1])
-    lit, seen = np.stack(columns, axis=1), np.stack(shares, axis=1)
-    yield Progress(0.3, "Solving materials")
+    yield Progress(0.0, "Solving materials")
+    solve = partial(solve_materials, here.samples, lit.lights, lit.shading, lit.visible, ambient=ambient)
     bounces = None
     if here.around is not None and (bounce is None or bounce > 0):
-        bounces = Bounces(here.around, falling(here.around, lights, sight.visible, sight.far))
-        matt = yield from solve_materials(samples, lights, lit, seen, ambient=ambient, bounces=bounces, rounds=0)
+        bounces = Bounces(here.around, lit.falling)
+        matt = yield from solve(bounces=bounces, rounds=0)
         bounces = replace(bounces, factor=matt.factor, told=matt.told)
-        without = yield from solve_materials(samples, lights, lit, seen, ambient=ambient, rounds=0)
-        gain = left_over(samples, without.radiometry) - left_over(samples, matt.radiometry)
+        without = yield from solve(rounds=0)
+        gain = left_over(here.samples, without.radiometry) - left_over(here.samples, matt.radiometry)
         bounces = bounces if gain > _BOUNCE_GAIN else None
-    steps = solve_materials(
-        samples, lights, lit, seen, ambient=ambient, bounces=bounces, card=card, rounds=effort.gloss_rounds
-    )
-    return (yield from shifted(steps, 0.4, 1.0))
+    return (yield from shifted(solve(bounces=bounces, card=card, rounds=effort.gloss_rounds), 0.15, 1.0))
