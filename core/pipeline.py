@@ -21,7 +21,7 @@ from .materials.ambient import richer_ambient
 from .materials.radiometric import CONSTANT, FREE, ROOTS_GAIN, SKY, left_over, roots_left_over
 from .materials.scale import Card
 from .materials.solve import Materials, absolute, in_regions
-from .materials.under_lights import Lighting, lighting, materials_under
+from .materials.under_lights import Incident, incident, materials_under
 from .photo.response import straightened
 from .photo.segmentation import at_samples, cut
 from .progress import shifted, watched
@@ -147,7 +147,7 @@ def solve(
     here = yield from shifted(asked(sight, samples, effort.around_rays), 0.0, 0.15)
     clock.mark("samples")
     outdoors = SKY if isinstance(lights[0], SunLight) else CONSTANT
-    lit = yield from shifted(lighting(sight, here, lights, effort), 0.15, 0.3)
+    lit = yield from shifted(incident(sight, here, lights, effort), 0.15, 0.3)
     materials = yield from shifted(materials_under(lit, here, effort, card, ambient=outdoors), 0.3, 0.6)
     divided = in_regions(here.samples, materials, at_samples(cut(photo, buffers), here.samples, buffers.stride))
     if len(divided.names) > len(samples.names):
@@ -222,7 +222,7 @@ def _settled(
     here, fit = found.asked, found.fit
     looked: tuple[Candidate, ...] = ()
 
-    def under(light: Light, asked: Asked) -> Generator[Progress, None, tuple[Lighting, Materials]]:
+    def under(light: Light, asked: Asked) -> Generator[Progress, None, tuple[Incident, Materials]]:
         return _under(sight, asked, (light, *_others(found)), effort, found.bounce)
 
     lit, materials = yield from shifted(under(fit.light, here), 0.0, 0.33)
@@ -258,9 +258,9 @@ def _settled(
 
 def _under(
     sight: Sight, here: Asked, lights: Sequence[Light], effort: Effort, bounce: float | None
-) -> Generator[Progress, None, tuple[Lighting, Materials]]:
+) -> Generator[Progress, None, tuple[Incident, Materials]]:
     """What reaches samples of lights, and the materials under them."""
-    lit = yield from shifted(lighting(sight, here, lights, effort), 0.0, 0.3)
+    lit = yield from shifted(incident(sight, here, lights, effort), 0.0, 0.3)
     return lit, (yield from shifted(materials_under(lit, here, effort, bounce=bounce), 0.3, 1.0))
 
 

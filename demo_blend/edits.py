@@ -22,7 +22,7 @@ from ..reshade_addon import reference
 from ..reshade_addon.photo_io import write_picture
 from ..reshade_addon.rendering import render
 from ..reshade_addon.scene_read import read_view, silhouette
-from ..reshade_addon.scene_write import ambient_colour
+from ..reshade_addon.world import ambient_colour, background
 
 WARM = (1.0, 0.56, 0.23)  # linear Rec.709 of a candle-like 2400 K, its largest channel 1
 
@@ -58,9 +58,9 @@ def dimmed_and_warm(scene: bpy.types.Scene) -> None:
     for light in lights(scene):
         light.data.energy *= 0.25
         light.data.color = WARM
-    background = next(node for node in scene.world.node_tree.nodes if node.type == "BACKGROUND")
-    background.inputs["Strength"].default_value *= 0.25
-    colour = ambient_colour(background)
+    world = background(scene.world)
+    world.inputs["Strength"].default_value *= 0.25
+    colour = ambient_colour(world)
     colour.default_value[:3] = [a * b for a, b in zip(colour.default_value, WARM, strict=False)]
 
 

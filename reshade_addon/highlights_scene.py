@@ -18,8 +18,8 @@ from ..core.types import Array, Light, Photo, Progress, Samples
 from . import reference
 from .render_depsgraph import with_render_depsgraph
 from .scene_read import SceneView, cast, check_aspect, read_buffers, read_light, read_view
-from .scene_write import ambient_colour
 from .shadow_rays import shadow_rays
+from .world import ambient_radiance
 
 PIXELS = 320_000  # of the photo that are solved for; a larger photo's highlights are enlarged from there
 SUBPIXELS = 4  # rays each way through a pixel that shows several things
@@ -40,7 +40,7 @@ def split_scene(scene: bpy.types.Scene, photo: Photo) -> Generator[Progress, Non
         view = read_view(copy.scene, small.size)
         whole = view if factor == 1 else read_view(copy.scene, photo.size)
         lights = with_render_depsgraph(copy.scene, _lights)
-        ambient = _world(copy.scene)
+        ambient = ambient_radiance(copy.scene.world)
         own_name = {material.name: name for name, material in copy.materials.items()}
     seen = yield from shifted(_fragments(view, lights, bool(ambient.any())), 0.0, 0.4)
     surfaces = _surfaces(whole, seen.names)
@@ -60,15 +60,6 @@ def split_scene(scene: bpy.types.Scene, photo: Photo) -> Generator[Progress, Non
 def _lights(depsgraph: bpy.types.Depsgraph) -> list[Light]:
     # Evaluated: the matrices of what was just loaded are not up to date otherwise.
     return [read_light(each.object) for each in depsgraph.object_instances if each.object.type == "LIGHT"]
-
-
-def _world(scene: bpy.types.Scene) -> Array:
-    """Radiance (3,) of a world of one colour, the mean of one that was estimated; of any other, none is known."""
-    tree = scene.world.node_tree if scene.world else None
-    nodes = [node for node in tree.nodes if node.type == "BACKGROUND"] if tree else []
-    if len(nodes) != 1 or ambient_colour(nodes[0]).is_linked or nodes[0].inputs["Strength"].is_linked:
-        return np.zeros(3)
-    return np.array(ambient_colour(nodes[0]).default_value[:3]) * nodes[0].inputs["Strength"].default_value
 
 
 def _fragments(view: SceneView, lights: Sequence[Light], with_sky: bool) -> Generator[Progress, None, Fragments]:

@@ -18,10 +18,12 @@ from ..core.types import Array, Light, Photo, Progress
 from . import reference
 from .geometry import SOLID
 from .scene_read import read_buffers, read_light, read_view
-from .scene_write import ambient_colour, colour_socket
+from .scene_write import colour_socket
 from .texture import resized
+from .world import ambient_colour, ambient_radiance, background
 
 LARGEST = 640 * 480  # pixels
+EVEN = ("", 0.0)  # `Fixed.sky` of a world of one colour
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +41,7 @@ class Fixed:
 
     placed: Counter[Any]  # objects by place and size of their mesh
     gloss: Counter[Any]  # materials by all but their base colour
-    sky: str  # name of the node that the world's colour comes from, if it does
+    sky: tuple[str, float]  # name of the node that the world's colour comes from, and its strength; of no one colour
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +69,7 @@ class Live:
         changed = (
             ("objects that were added, moved or removed", now.placed != then.placed),
             ("gloss", now.gloss != then.gloss),
-            ("a sky that varies", now.sky not in ("", then.sky)),
+            ("a sky that varies", now.sky not in (EVEN, then.sky)),
         )
         return tuple(words for words, is_so in changed if is_so)
 
@@ -101,19 +103,19 @@ def read_lighting(
         socket = colour_socket(material) if material else None
         if socket is not None:
             albedo[number] = socket.default_value[:3]
-    return Lighting([read_light(obj) for obj in shining(scene)], _ambient(scene.world), albedo)
+    return Lighting([read_light(obj) for obj in shining(scene)], ambient_radiance(scene.world), albedo)
 
 
 def _fixed(scene: bpy.types.Scene, names: tuple[str, ...], materials: Mapping[str, bpy.types.Material]) -> Fixed:
     solid = [obj for obj in scene.objects if obj.type in SOLID and not obj.hide_render]
     sizes = [len(obj.data.vertices) if obj.type == "MESH" else 0 for obj in solid]
     used = [materials[name] for name in names if name in materials]
-    background = _background(scene.world)
-    links = background.inputs["Color"].links if background else ()
+    world = background(scene.world)
+    links = ambient_colour(world).links if world else ()
     return Fixed(
         Counter((np.array(obj.matrix_world).tobytes(), size) for obj, size in zip(solid, sizes, strict=True)),
         Counter(_but_colour(material) for material in used),
-        links[0].from_node.name if links else "",
+        (links[0].from_node.name, world.inputs["Strength"].default_value) if links else EVEN,
     )
 
 
@@ -130,15 +132,3 @@ def _but_colour(material: bpy.types.Material) -> tuple[Any, ...]:
 def shining(scene: bpy.types.Scene) -> list[bpy.types.Object]:
     """The scene's lights as the preview takes them: those that are not hidden, read without a renderer's help."""
     return [obj for obj in scene.objects if obj.type == "LIGHT" and not obj.hide_render]
-
-
-def _ambient(world: bpy.types.World | None) -> Array:
-    background = _background(world)
-    if background is None:
-        return np.zeros(3) if world is None else np.array(world.color)
-    return background.inputs["Strength"].default_value * np.array(ambient_colour(background).default_value[:3])
-
-
-def _background(world: bpy.types.World | None) -> bpy.types.Node | None:
-    nodes = world.node_tree.nodes if world and world.node_tree else ()
-    return next((node for node in nodes if node.type == "BACKGROUND"), None)

@@ -1,7 +1,6 @@
-"""What was recovered, as Blender lights, materials and world; and the photo behind the camera."""
+"""What was recovered, as Blender lights and materials; and the photo behind the camera."""
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import bpy
 import numpy as np
@@ -11,11 +10,10 @@ from ..core.materials.gloss import INDEX
 from ..core.radiance.light_units import energy_and_color, power_from_intensity, power_from_radiance
 from ..core.radiance.reflectance import coat_index
 from ..core.types import AreaLight, Array, Light, PointLight, SunLight, Surface
+from .nodes import mix_node, mix_sockets, use_nodes
 from .projection import Texture, add_projection, add_texture
 
 LIGHT = "Reshade light"
-WORLD = "Reshade ambient"
-SKY = "Reshade sky"  # name of the node that holds the mean colour of a world that differs by direction
 TINT = "Reshade tint"  # name of the node that recolours a textured surface
 PREVIEW = "Reshade photo"  # name of the node that shows the photo on an unsolved material
 
@@ -73,54 +71,6 @@ def _place(obj: bpy.types.Object, u: Array, v: Array, centre: Array) -> None:
     obj.matrix_world = Matrix(matrix.tolist())
 
 
-def write_world(scene: bpy.types.Scene, ambient: Array, slope: Array | None = None) -> None:
-    """Give the scene a world of uniform radiance (3,). A world of the user's stays in the file, unused.
-
-    slope : (3, 3) by axis and colour, of radiance that rises evenly along directions, so slowly that none is negative
-    """
-    world = scene.world if scene.world and scene.world.name.startswith(WORLD) else bpy.data.worlds.new(WORLD)
-    scene.world = world
-    use_nodes(world)
-    nodes = world.node_tree.nodes
-    nodes.clear()
-    background = nodes.new("ShaderNodeBackground")
-    strength = float(ambient.max())
-    background.inputs["Strength"].default_value = strength
-    background.inputs["Color"].default_value = (*(ambient / strength if strength > 0 else np.ones(3)), 1.0)
-    output = nodes.new("ShaderNodeOutputWorld")
-    output.location = (300, 0)
-    world.node_tree.links.new(background.outputs[0], output.inputs["Surface"])
-    if slope is not None:
-        _by_direction(world.node_tree, background, slope / np.where(ambient > 0, ambient, np.inf))
-
-
-def ambient_colour(background: bpy.types.Node) -> bpy.types.NodeSocket:
-    """The socket of a world's background that holds its colour, or the mean of one that `write_world` made differ."""
-    linked = background.inputs["Color"].links
-    node = linked[0].from_node if linked else None
-    return _sockets(node).a if node and node.name == SKY else background.inputs["Color"]
-
-
-def _by_direction(tree: bpy.types.NodeTree, background: bpy.types.Node, slope: Array) -> None:
-    """Multiply a background's colour by 1 + w.slope towards each direction w; slope (3, 3) by axis and colour."""
-    where, shape = tree.nodes.new("ShaderNodeTexCoord"), tree.nodes.new("ShaderNodeCombineColor")
-    for number, along in enumerate(slope.T):
-        dot, level = tree.nodes.new("ShaderNodeVectorMath"), tree.nodes.new("ShaderNodeMath")
-        dot.operation, level.operation = "DOT_PRODUCT", "ADD"
-        dot.inputs[1].default_value, level.inputs[1].default_value = along, 1.0
-        dot.location, level.location = (-700.0, -200.0 * number), (-500.0, -200.0 * number)
-        tree.links.new(where.outputs["Generated"], dot.inputs[0])
-        tree.links.new(dot.outputs["Value"], level.inputs[0])
-        tree.links.new(level.outputs[0], shape.inputs[number])
-    where.location, shape.location = (-900.0, 0.0), (-300.0, -200.0)
-    mix = _mix(tree, "MULTIPLY", -100.0)
-    mix.node.name = mix.node.label = SKY
-    mix.factor.default_value = 1.0
-    mix.a.default_value = background.inputs["Color"].default_value
-    tree.links.new(shape.outputs[0], mix.b)
-    tree.links.new(mix.result, background.inputs["Color"])
-
-
 def write_material(
     material: bpy.types.Material,
     surface: Surface,
@@ -138,11 +88,11 @@ def write_material(
     if texture is not None:
         tree = material.node_tree
         shown, where = add_texture(tree, texture)
-        mix = _mix(tree, "MIX", -400)
+        mix = mix_node(tree, "MIX", -400)
         tree.links.new(where, mix.factor)
         mix.a.default_value = (*surface.albedo, 1.0)
         tree.links.new(shown, mix.b)
-        tint = _mix(tree, "MULTIPLY", -200)
+        tint = mix_node(tree, "MULTIPLY", -200)
         tint.node.name = tint.node.label = TINT
         tint.factor.default_value = 1.0
         tree.links.new(mix.result, tint.a)
@@ -168,32 +118,9 @@ def colour_socket(material: bpy.types.Material) -> bpy.types.NodeSocket | None:
         return None
     nodes = material.node_tree.nodes
     if TINT in nodes:
-        return _sockets(nodes[TINT]).b
+        return mix_sockets(nodes[TINT]).b
     shader = next((node for node in nodes if node.type == "BSDF_PRINCIPLED"), None)
     return shader.inputs["Base Color"] if shader else None
-
-
-class _Mix(NamedTuple):
-    """A colour mixing node and the sockets it uses; it has others of the same names for other kinds of values."""
-
-    node: bpy.types.Node
-    factor: bpy.types.NodeSocket
-    a: bpy.types.NodeSocket
-    b: bpy.types.NodeSocket
-    result: bpy.types.NodeSocket
-
-
-def _mix(tree: bpy.types.NodeTree, blend: str, x: float) -> _Mix:
-    node = tree.nodes.new("ShaderNodeMix")
-    node.data_type = "RGBA"
-    node.blend_type = blend
-    node.location = (x, 200.0)
-    return _sockets(node)
-
-
-def _sockets(node: bpy.types.Node) -> _Mix:
-    named = {socket.identifier: socket for socket in (*node.inputs, *node.outputs)}
-    return _Mix(node, *(named[name] for name in ("Factor_Float", "A_Color", "B_Color", "Result_Color")))
 
 
 def show_photo(material: bpy.types.Material, group: bpy.types.NodeTree, photo: bpy.types.Image) -> None:
@@ -224,12 +151,6 @@ def _bare_principled(material: bpy.types.Material) -> bpy.types.ShaderNodeBsdfPr
     shader.inputs["Metallic"].default_value = 0.0
     shader.inputs["Diffuse Roughness"].default_value = 0.0
     return shader
-
-
-def use_nodes(owner: bpy.types.Material | bpy.types.World) -> None:
-    """Give a material or world its node tree; from Blender 5.0 on it always has one, and asking is deprecated."""
-    if bpy.app.version < (5, 0, 0):
-        owner.use_nodes = True
 
 
 def write_photo(scene: bpy.types.Scene, camera: bpy.types.Object, photo: bpy.types.Image) -> None:

@@ -18,7 +18,7 @@ from ..core.pipeline import estimate, solve
 from ..core.progress import shifted
 from ..core.report import to_dict
 from ..core.types import AreaLight, Buffers, Camera, Estimate, Light, Photo, Progress
-from . import reference, scene_write
+from . import reference, scene_write, world
 from .photo_image import picture_image
 from .projection import Texture, projection_group
 from .scene_copy import SceneCopy, original, packed, unpacked
@@ -171,7 +171,7 @@ def _put(target: SceneCopy, solution: Solution, unlit: Unlit | None) -> list[bpy
     else:
         objects = _write_lights(scene, found.lights)
     ambient, slope = (found.ambient, None) if found.sky is None else radiance_of(found.sky)
-    scene_write.write_world(scene, ambient, slope)
+    world.write_world(scene, ambient, slope)
     texture = _projected(scene, solution.view.camera, unlit) if unlit else None
     solved = {surface.name: surface for surface in found.surfaces}
     rest = scene_write.unseen(found.surfaces)

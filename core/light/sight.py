@@ -109,7 +109,7 @@ def asked(sight: Sight, samples: Samples, rays: int = RAYS) -> Generator[Progres
         return Asked(samples, None, samples.openness[:, None], np.zeros((len(samples), 0)))
     gathering = gather(samples, sight.photo, sight.camera, sight.buffers, sight.meets, rays)
     around = yield from watched(gathering, 0.0, 1.0, "Gathering the light that surfaces send one another")
-    samples = replace(samples, openness=around.samples.openness, opening=around.samples.opening)
+    samples = replace(samples, openness=around.samples.openness, opening=around.opening)
     fields = fields_along(samples, around.fields(usual_radiance(around, samples)))
     return Asked(samples, around, fields, np.zeros((len(samples), 0)))
 

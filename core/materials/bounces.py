@@ -46,9 +46,7 @@ class Bounces:
 
     def first(self, count: int) -> "Bounces":
         """Of the first samples."""
-        seen = self.around.samples
-        some = Gathered(seen.seen[:count], seen.openness[:count], seen.opening[:count], seen.patches[:count])
-        return replace(self, around=replace(self.around, samples=some))
+        return replace(self, around=self.around.first(count))
 
 
 def falling(around: Surroundings, lights: Sequence[Light], visible: Visible, far: float) -> Array:

@@ -21,7 +21,7 @@ _BOUNCE_GAIN = 0.05  # of the logarithm of what is left over: interreflection th
 
 
 @dataclass(frozen=True, slots=True)
-class Lighting:
+class Incident:
     """L lights that stay where they are, and what reaches N samples of each at unit strength."""
 
     lights: tuple[Light, ...]
@@ -30,7 +30,7 @@ class Lighting:
     falling: Array  # (R, L) on what the photo does not show, as far as it was looked at
 
 
-def lighting(sight: Sight, here: Asked, lights: Sequence[Light], effort: Effort) -> Generator[Progress, None, Lighting]:
+def incident(sight: Sight, here: Asked, lights: Sequence[Light], effort: Effort) -> Generator[Progress, None, Incident]:
     """Cast the shadows of lights on samples."""
     samples = here.samples
     shares = []
@@ -40,11 +40,11 @@ def lighting(sight: Sight, here: Asked, lights: Sequence[Light], effort: Effort)
     visible = np.stack(shares, axis=1)
     unshadowed = np.stack([shading(light, samples.point, samples.normal) for light in lights], axis=1)
     unseen = falling(here.around, lights, sight.visible, sight.far) if here.around else np.zeros((0, len(lights)))
-    return Lighting(tuple(lights), unshadowed * visible, visible, unseen)
+    return Incident(tuple(lights), unshadowed * visible, visible, unseen)
 
 
 def materials_under(
-    lit: Lighting,
+    lit: Incident,
     here: Asked,
     effort: Effort,
     card: Card | None = None,

@@ -12,7 +12,7 @@ sample shows have a field of their own, for their albedo is anyone's guess.
 """
 
 from collections.abc import Generator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,7 +38,6 @@ class Gathered:
 
     seen: Array  # (N, 3) what comes from where the photo shows it, its share of J
     openness: Array  # (N,) share of the rays that met nothing
-    opening: Array  # (N, 3) sum of these over all rays' number
     patches: sparse.csr_array  # (N, R) share of the rays that met each patch
 
 
@@ -47,8 +46,14 @@ class Surroundings:
     """What N samples and R patches see of one another."""
 
     samples: Gathered
+    opening: Array  # (N, 3) of the samples, as theirs: sum of the rays that met nothing, over all rays' number
     between: Gathered  # of the patches
     patch: Samples  # (R,) where they are; their `surface` is -1 for those that no sample shows
+
+    def first(self, count: int) -> "Surroundings":
+        """Those of the first samples."""
+        some = Gathered(self.samples.seen[:count], self.samples.openness[:count], self.samples.patches[:count])
+        return replace(self, samples=some, opening=self.opening[:count])
 
     def fields(self, radiance: Array) -> tuple[Array, Array]:
         """J (N, 3) that known materials send and that (N, 3) which others do, given the patches' radiance (R, 3)."""
@@ -70,10 +75,10 @@ def gather(
     some = np.arange(0, len(owner), max(int(len(owner) / patches), 1))
     at = Hits(rest.point[some], rest.normal[some], rest.surface[some])
     tree = cKDTree(_features(at, samples)) if len(some) else None
-    among_samples = Gathered(seen, openness, opening, _met(owner, rest, samples, tree, len(samples)) / rays)
-    seen, openness, opening, owner, rest = yield from _looked(at.point, at.normal, *cast)
-    among_patches = Gathered(seen, openness, opening, _met(owner, rest, samples, tree, len(some)) / rays)
-    return Surroundings(among_samples, among_patches, _bare(at, samples.lift))
+    among_samples = Gathered(seen, openness, _met(owner, rest, samples, tree, len(samples)) / rays)
+    seen, openness, _, owner, rest = yield from _looked(at.point, at.normal, *cast)
+    among_patches = Gathered(seen, openness, _met(owner, rest, samples, tree, len(some)) / rays)
+    return Surroundings(among_samples, opening, among_patches, _bare(at, samples.lift))
 
 
 def patch_radiance(

@@ -34,7 +34,7 @@ def test_between_surfaces_of_one_brightness_each_receives_it_by_the_share_it_see
     assert np.abs(off).max() < most and np.abs(off).mean() < usual and abs(off.mean()) < 0.002
     np.testing.assert_allclose(sent, (1 - around.samples.openness)[:, None] * colour, rtol=1e-12)
     opening = opened(samples, ball.visible, 4096, 100.0)[1]
-    assert np.abs(around.samples.opening - opening).mean() < usual
+    assert np.abs(around.opening - opening).mean() < usual
 
 
 def test_what_the_photo_shows_needs_no_guess(ball):

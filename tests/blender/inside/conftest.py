@@ -100,7 +100,7 @@ def photographed(tabletop, lamp, load, drain):
     """
     write = load("reshade_addon.scene_write")
     obj = write.write_light(tabletop, lamp)
-    write.write_world(tabletop, np.array([0.05, 0.05, 0.06]))
+    load("reshade_addon.world").write_world(tabletop, np.array([0.05, 0.05, 0.06]))
     picture = drain(load("reshade_addon.rendering").render(tabletop, 32))
     bpy.data.lights.remove(obj.data)  # and the object with it
     tabletop.world = None

@@ -43,7 +43,7 @@ def test_under_sun_and_sky_a_new_shadow_is_as_bright_as_those_of_the_photo(
     way = np.array([-0.5, 0.45, -1.0])
     sun = types.SunLight(way / np.linalg.norm(way), np.array([2.0, 1.8, 1.5]))
     lamp = write.write_light(scene, sun)
-    write.write_world(scene, np.array([0.1, 0.13, 0.2]))
+    load("reshade_addon.world").write_world(scene, np.array([0.1, 0.13, 0.2]))
     scene.cycles.max_bounces = 0
     photo = photo_of(render(scene, seed=1))
     write.set_strength(lamp, types.SunLight(sun.normal, np.ones(3)))
@@ -60,7 +60,7 @@ def test_under_sun_and_sky_a_new_shadow_is_as_bright_as_those_of_the_photo(
     add_ball(scene, (0.2, -1.3, 0.3), (0.5, 0.5, 0.5))
     result = drain(load("reshade_addon.reshading").reshade(scene, photo, SAMPLES))
     write.set_strength(lamp, sun)
-    write.write_world(scene, np.array([0.1, 0.13, 0.2]))
+    load("reshade_addon.world").write_world(scene, np.array([0.1, 0.13, 0.2]))
     for name, albedo in (("Floor", (0.6, 0.55, 0.5)), ("Ball", (0.8, 0.3, 0.2)), ("Box", (0.2, 0.4, 0.7))):
         write.write_material(bpy.data.materials[name], types.Surface(name, np.array(albedo), 1))
     write.write_material(bpy.data.materials["Added"], types.Surface("Added", np.full(3, 0.5), 1))
@@ -75,7 +75,7 @@ def test_under_sun_and_sky_a_new_shadow_is_as_bright_as_those_of_the_photo(
 def test_a_glossy_floor_mirrors_what_is_put_on_it(tabletop, lamp, load, drain, render, photo_of, add_ball):
     scene, write = tabletop, load("reshade_addon.scene_write")
     write.write_light(scene, lamp)
-    write.write_world(scene, np.array([0.3, 0.3, 0.3]))
+    load("reshade_addon.world").write_world(scene, np.array([0.3, 0.3, 0.3]))
     write.set_gloss(bpy.data.materials["Floor"], 1.0, 0.1)
     scene.cycles.max_bounces = scene.cycles.glossy_bounces = scene.cycles.diffuse_bounces = 2
     load("reshade_addon.reference").store(scene)

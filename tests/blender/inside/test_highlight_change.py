@@ -49,7 +49,7 @@ def explained(tabletop, lamp, load, drain, tmp_path):
     scene = tabletop
     write, render = load("reshade_addon.scene_write"), load("reshade_addon.rendering").render
     write.write_light(scene, lamp)
-    write.write_world(scene, np.array([0.05, 0.05, 0.06]))
+    load("reshade_addon.world").write_world(scene, np.array([0.05, 0.05, 0.06]))
 
     def photographed():
         for name, gloss in SHINY.items():

@@ -32,7 +32,7 @@ def shown(photo, load):
     bpy.ops.mesh.primitive_plane_add()
     obj = bpy.context.object
     material = bpy.data.materials.new("Shows it")
-    load("reshade_addon.scene_write").use_nodes(material)
+    load("reshade_addon.nodes").use_nodes(material)
     node = material.node_tree.nodes.new("ShaderNodeTexImage")
     node.image = photo
     obj.data.materials.append(material)
@@ -275,7 +275,7 @@ def solved(photographed, lamp, load, tmp_path):
     scene, _ = photographed
     write, drain = load("reshade_addon.scene_write"), load("core.progress").drain
     obj = write.write_light(scene, lamp)
-    write.write_world(scene, np.zeros(3))
+    load("reshade_addon.world").write_world(scene, np.zeros(3))
     scene.cycles.max_bounces = 0
     shaders = [material.node_tree.nodes["Principled BSDF"] for material in bpy.data.materials]
     colours = [tuple(shader.inputs["Base Color"].default_value) for shader in shaders]

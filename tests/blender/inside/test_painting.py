@@ -17,7 +17,7 @@ def explained(photographed, lamp, load, tmp_path):
     for name, albedo in ALBEDO.items():  # importing shows the photo on the materials
         write.write_material(bpy.data.materials[name], surface(name, np.array(albedo), 1))
     write.write_light(scene, lamp)
-    write.write_world(scene, np.array([0.05, 0.05, 0.06]))
+    load("reshade_addon.world").write_world(scene, np.array([0.05, 0.05, 0.06]))
     load("reshade_addon.reference").store(scene)
     return scene, picture
 

@@ -84,7 +84,7 @@ def test_a_textured_surface_shows_its_texture_where_there_is_one(tabletop, load,
     # Under a sky alone, far from all that could shade it, a Lambert surface shows its albedo.
     for name in ("Ball", "Box"):
         bpy.data.objects[name].hide_render = True
-    write.write_world(scene, np.ones(3))
+    load("reshade_addon.world").write_world(scene, np.ones(3))
     seen = rendered(scene, load)
     floor = np.s_[40:70]
     np.testing.assert_allclose(seen[floor, 2:45], picture[floor, 2:45], atol=2e-3)
@@ -103,7 +103,7 @@ def test_a_tint_recolours_a_textured_surface(tabletop, load, coordinates):
     write.colour_socket(material).default_value = (0.5, 1.0, 0.2, 1.0)
     for name in ("Ball", "Box"):
         bpy.data.objects[name].hide_render = True
-    write.write_world(scene, np.ones(3))
+    load("reshade_addon.world").write_world(scene, np.ones(3))
     floor = np.s_[40:70, 2:94]
     np.testing.assert_allclose(rendered(scene, load)[floor], (picture * [0.5, 1.0, 0.2])[floor], atol=2e-3)
 
@@ -127,7 +127,7 @@ def test_what_something_hides_does_not_get_its_texture(tabletop, load, coordinat
     write.write_material(bpy.data.materials["Floor"], surface, projection.Texture(group, image, depth))
     for name in ("Ball", "Box"):
         bpy.data.objects[name].hide_render = True
-    write.write_world(scene, np.ones(3))
+    load("reshade_addon.world").write_world(scene, np.ones(3))
     shown = rendered(scene, load)
     floor = buffers.surface == buffers.names.index("Floor")
     np.testing.assert_allclose(shown[floor], picture[floor], atol=2e-3)

@@ -13,7 +13,7 @@ def explained(photographed, lamp, load):
     scene, picture = photographed
     write = load("reshade_addon.scene_write")
     write.write_light(scene, lamp)
-    write.write_world(scene, np.array([0.05, 0.05, 0.06]))
+    load("reshade_addon.world").write_world(scene, np.array([0.05, 0.05, 0.06]))
     load("reshade_addon.reference").store(scene)
     linear = picture + 0.02 * np.random.default_rng(5).random(picture.shape)
     return scene, load("core.types").Photo(linear, np.zeros(linear.shape[:2], bool))

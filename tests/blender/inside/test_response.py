@@ -12,7 +12,7 @@ def test_a_dimmed_lamp_dims_radiance_and_not_the_photos_values(photographed, lam
     scene, picture = photographed
     write, types = load("reshade_addon.scene_write"), load("core.types")
     light = write.write_light(scene, lamp)
-    write.write_world(scene, np.zeros(3))
+    load("reshade_addon.world").write_world(scene, np.zeros(3))
     load("reshade_addon.reference").store(scene)
     scene.reshade.response = EXPONENT
     linear = drain(load("reshade_addon.rendering").render(scene, 16))
