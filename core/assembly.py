@@ -107,6 +107,9 @@ def assembled(
         if not of.any():
             warnings.append(f"{name}: no usable pixel shows it, so its material stays as it was.")
             continue
+        if radiometry.unlit[i]:
+            warnings.append(f"{name}: next to no light falls on it, so its material stays as it was.")
+            continue
         gloss = materials.gloss[i]
         surfaces.append(
             Surface(name, radiometry.albedo[i], int(of.sum()), bool(textured[i]), gloss.strength, gloss.width)

@@ -14,6 +14,7 @@ from ..core.photo.response import as_photographed, straightened
 from ..core.progress import shifted
 from ..core.reshading.change import edited, uncertain
 from ..core.reshading.highlights import Highlights, combine_with
+from ..core.reshading.registration import registered
 from ..core.types import Array, Camera, Photo, Progress
 from . import reference
 from .geometry import RayCaster, SceneGeometry
@@ -37,8 +38,10 @@ def reshade(scene: bpy.types.Scene, photo: Photo, samples: int) -> Generator[Pro
 
     Raises ReshadeError where the scene has no reference state, or the camera is not as it was.
     """
-    found = yield from _renders(scene, photo, samples)
-    return photo.linear if found is None else _combined(scene, photo, *found)
+    found = yield from shifted(_renders(scene, photo, samples), 0.0, 0.9)
+    if found is None:
+        return photo.linear
+    return (yield from shifted(_combined(scene, photo, *found), 0.9, 1.0))
 
 
 def reshade_layers(scene: bpy.types.Scene, photo: Photo, samples: int) -> Generator[Progress, None, dict[str, Array]]:
@@ -51,14 +54,14 @@ def reshade_layers(scene: bpy.types.Scene, photo: Photo, samples: int) -> Genera
 
     Raises ReshadeError as `reshade` does.
     """
-    found = yield from shifted(_renders(scene, photo, samples), 0.0, 0.6)
+    found = yield from shifted(_renders(scene, photo, samples), 0.0, 0.55)
     size = photo.size
     nothing = np.zeros((size[1], size[0]))
     reshaded, covered = photo.linear, nothing
     modelled = yield from shifted(silhouette(read_view(scene, size)), 0.6, 0.65)
     doubtful = ~modelled
     if found is not None:
-        reshaded, covered = _combined(scene, photo, *found), found[2]
+        reshaded, covered = (yield from shifted(_combined(scene, photo, *found), 0.55, 0.6)), found[2]
         straight = straightened(photo, scene.reshade.response).linear
         matt = straight if found[3] is None else straight - found[3].part
         doubtful = uncertain(matt, *found[:3], photo.clipped, modelled)
@@ -73,10 +76,13 @@ def reshade_layers(scene: bpy.types.Scene, photo: Photo, samples: int) -> Genera
 
 def _combined(
     scene: bpy.types.Scene, photo: Photo, was: Array, is_now: Array, covered: Array, highlights: Highlights | None
-) -> Array:
+) -> Generator[Progress, None, Array]:
     """The photo (H, W, 3) changed as its renders are, as its camera would have responded."""
     exponent = scene.reshade.response
     straight = straightened(photo, exponent).linear
+    matt = straight if highlights is None else straight - highlights.part
+    was, is_now = yield from registered(matt, was, is_now, covered)
+    del matt
     return as_photographed(combine_with(straight, was, is_now, covered, highlights), straight, photo.linear, exponent)
 
 

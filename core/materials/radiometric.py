@@ -19,7 +19,7 @@ import numpy as np
 
 from ..light.problem import usual_spread, weighted_quantile
 from ..photo.samples import surface_means
-from ..types import Array, Samples
+from ..types import Array, Mask, Samples
 
 LARGEST_ALBEDO = 0.8
 SCALE = "largest albedo channel 0.8, first light white: only strength times albedo can be seen"
@@ -29,6 +29,7 @@ AXES = np.vstack([np.eye(3), -np.eye(3)])  # (6, 3) directions
 ROOTS_GAIN = 0.015  # of the same, of roots: an ambient that they ask for
 _SHARES = 1e-3, 2.0, 34  # of what light there usually is: ambients that are tried, a quarter from one to the next
 _SKY_GAIN = 0.004  # of the same; without a sky the photos of suns that were tried gain 0.001 at most
+_UNLIT = 1e-3  # of the light that usually falls on a sample
 _ROUNDS = 200
 _SETTLED, _ROUGHLY = 1e-6, 1e-3  # change of a round, of the unknowns
 _DIM = 0.25  # of the light a surface usually gets at its brightest
@@ -41,7 +42,8 @@ class Radiometry:
 
     strengths: Array  # (L, 3) radiance, intensity or irradiance of each light
     ambient: Array  # (3,) radiance of the world, its mean over the samples
-    albedo: Array  # (S, 3), 0 for surfaces without samples
+    albedo: Array  # (S, 3), 0 for surfaces without samples and for unlit ones
+    unlit: Mask  # (S,) those on which so little light falls that the photo cannot tell their albedo
     residual: Array  # (N, 3) photo less model, radiance
     converged: bool
     sky: Array | None = None  # (6, 3) levels along AXES, where the ambient is no constant
@@ -113,17 +115,27 @@ def _solve(samples: Samples, shading: Array, ambient: Array, settled: float) -> 
             samples, terms[..., channel], lights, samples.colour[:, channel], settled
         )
         converged &= at_rest
-    residual = samples.colour - albedo.T[samples.surface] * np.einsum("ntc,ct->nc", terms, parts)
+    light = np.einsum("ntc,ct->nc", terms, parts)
+    residual = samples.colour - albedo.T[samples.surface] * light
+    unlit = _unlit(samples, light)
+    albedo[:, unlit] = 0.0
     scale = np.max(albedo) / LARGEST_ALBEDO if np.any(albedo > 0) else 1.0
     level, share = scale * parts[:, lights:].T, samples.weight @ ambient
     return Radiometry(
         strengths=scale * parts[:, :lights].T,
         ambient=share @ level / max(float(share.sum()), 1e-300),
         albedo=(albedo / scale).T,
+        unlit=unlit,
         residual=residual,
         converged=converged,
         sky=level if len(level) > 1 else None,
     )
+
+
+def _unlit(samples: Samples, light: Array) -> Mask:
+    """See `Radiometry`; light (N, 3)."""
+    usual = np.average(light, axis=0, weights=samples.weight)
+    return np.asarray(np.all(surface_means(samples, light) <= _UNLIT * usual, axis=1))
 
 
 def _with_plain_ambient(samples: Samples, shading: Array, coloured: Radiometry) -> Radiometry:

@@ -69,6 +69,18 @@ def test_a_given_light_is_solved_for_its_strength_alone(ball):
     assert found.uncertainty == (None,)
 
 
+def test_what_lies_in_the_dark_keeps_its_material(ball):
+    light = ball.light(side=(0.1, 0.1))
+    photo, buffers = ball.photo(light), ball.buffers
+    dark = (buffers.surface == 0) & ~photo.linear.any(axis=2)
+    assert dark.sum() > 50
+    surface = np.where(dark, np.int32(2), buffers.surface)
+    buffers = replace(buffers, surface=surface, names=(*buffers.names, "mat"))
+    found = drain(solve(photo, ball.camera, buffers, ball.visible, [light]))
+    assert [one.name for one in found.surfaces] == ["floor", "ball"]
+    assert any(words.startswith("mat: next to no light falls on it") for words in found.warnings)
+
+
 def test_two_given_lights_keep_their_ratio(ball):
     first = ball.light(radiance=10.0)
     second = replace(
