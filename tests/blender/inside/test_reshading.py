@@ -1,5 +1,7 @@
 """Reshading: the photo to the last bit without an edit, and with one the photo plus what the edit changes."""
 
+from dataclasses import replace
+
 import bpy
 import numpy as np
 import OpenImageIO as oiio
@@ -208,6 +210,8 @@ def test_every_edit_changes_the_photo_by_what_it_changes(explained, reshade, loa
     scene, photo = explained
     render = load("reshade_addon.rendering").render
     was = drain(render(scene, 16))
+    texture = 1 + 0.02 * np.random.default_rng(6).random(was.shape)  # so little that renders stay where they are
+    photo = replace(photo, linear=was * texture)
     edit(scene)
     bpy.context.view_layer.update()
     is_now = drain(render(scene, 16))
@@ -221,6 +225,22 @@ def test_every_edit_changes_the_photo_by_what_it_changes(explained, reshade, loa
     assert elsewhere.mean() == 1.0 if not shapes_changed else 0.6 < elsewhere.mean() < 1.0
     low, high = np.minimum(expected, is_now), np.maximum(expected, is_now)
     assert np.all(result >= low - 1e-6) and np.all(result <= high + 1e-6)
+
+
+def test_a_model_that_lies_beside_the_photo_leaves_no_lines(explained, reshade, load, drain):
+    """A photo two pixels beside the render: the truth of a light put out is the new render, as far beside."""
+    scene, photo = explained
+    scene.render.resolution_x, scene.render.resolution_y = 192, 144
+    render, combine = load("reshade_addon.rendering").render, load("core.reshading.change").combine
+    was = drain(render(scene, 16))
+    hiding_the_light(scene)
+    is_now = drain(render(scene, 16))
+    beside, truth = np.roll(was, 2, axis=1), np.roll(is_now, 2, axis=1)
+    nothing = np.zeros(was.shape[:2])
+    result = reshade(scene, replace(photo, linear=beside, clipped=nothing > 0), 16)
+    burnt_in = combine(beside, was, is_now, nothing)
+    off, usual = (np.sqrt(np.mean((one - truth)[:, 2:-2] ** 2)) for one in (result, burnt_in))
+    assert off < 0.6 * usual
 
 
 def test_nothing_of_the_photo_shows_on_an_object_that_was_not_there(explained, reshade, load, drain):
