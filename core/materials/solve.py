@@ -2,9 +2,6 @@
 
 The radiometric solve and the fit of each surface's gloss are taken in turn: the first on the photo less its highlights,
 with what the coats leave to the diffuse bases; the second under the strengths the first has found.
-
-A coat also darkens its base, by about 5 %, where no highlight shows. Where that is seen, and other surfaces of the
-photo have evident highlights, those say how strong this one's is: as their median.
 """
 
 from collections.abc import Generator, Sequence
@@ -13,11 +10,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..errors import ReshadeError
-from ..photo.samples import subset
 from ..photo.segmentation import Labels, by_albedo
+from ..progress import shifted
 from ..types import AreaLight, Array, Light, Progress, Samples
 from .bounces import Bounces, bounce_factor, solved
-from .gloss import MATT, STRONGEST, Gloss, GlossFit, Lit, base_share, specular_term, towards
+from .coats import LEAST_LEFT, Coats, without_coats
+from .gloss import MATT, STRONGEST, Gloss, Lit, towards
 from .radiometric import CONSTANT, Radiometry
 from .scale import Card, by_bounces, by_texture, scaled, to_card
 
@@ -25,9 +23,6 @@ _ROUNDS = 2
 _EDGEWAYS = 0.1  # cosine of light on a face
 _BENT = 0.94  # cosine between smooth normal and face: 20 degrees
 _ENOUGH = 8  # samples of a surface
-_EVIDENT = 10.0  # gain of the Bayesian criterion, as for a highlight
-_SILENT = 4.0  # loss of it, which the one unknown more costs alone
-_LEAST_LEFT = 1e-6  # of the light, under a coat
 _CARD_ROUNDS, _CARD_SETTLED = 12, 3e-4  # of a card's scale and the light that other surfaces send, in turn
 
 
@@ -71,48 +66,25 @@ def solve_materials(
         factor, told = bounce_factor(samples, shading, bounces, ambient)
         bounces = replace(bounces, factor=factor, told=told)
     found, bounced, bounces = _to_scale(samples, shading, bounces, ambient, card)
-    names, matt = samples.names, None
-    gloss, considered = [MATT] * len(names), [MATT] * len(names)
-    fits: dict[int, GlossFit] = {}
+    gloss, matt, coats = [MATT] * len(samples.names), None, Coats(samples)
     for number in range(rounds):
         if not found.strengths.any():
             break
         lit = Lit(lights, found.strengths, shading, visible, found.ambient, bounced)
-        for i in range(len(names)):
-            yield Progress((number + i / len(names)) / rounds, f"Looking for highlights of {names[i]}")
-            of = (samples.surface == i) & (samples.weight > 0)
-            if number == 0:
-                fits[i] = GlossFit(subset(samples, of), lit.of(of))
-            # What showed nothing under nearly the same light shows nothing again.
-            if number == 0 or considered[i].evidence > 0:
-                considered[i] = fits[i].under(lit.of(of)).fit()
-        gloss = [one if one.evident else MATT for one in considered]
-        evident = [one for one in gloss if one]
-        if not evident:
+        yield from shifted(coats.look(lit), number / rounds, (number + 1) / rounds)
+        gloss = coats.likeliest()
+        if not any(gloss):
             break
-        strength, width = (float(np.median([getattr(one, name) for one in evident])) for name in ("strength", "width"))
-        for i in range(len(names)):
-            if not gloss[i] and considered[i].evidence > _EVIDENT:
-                as_others = fits[i].fit(strength, width)
-                if as_others.evidence > _EVIDENT:
-                    gloss[i] = replace(as_others, evident=False)
-        rest = [i for i in range(len(names)) if not gloss[i] and len(fits[i].samples)]
-        if len(rest) < sum(map(bool, gloss)):
-            # Most have a coat. One takes a twentieth from its base even where nothing of it shows.
-            speak = {i: fits[i].fit(strength, width) for i in rest}
-            if all(one.evidence > -_EVIDENT for one in speak.values()):
-                for i in (i for i in rest if speak[i].evidence > -_SILENT):
-                    gloss[i] = replace(MATT, strength=strength, width=speak[i].width if speak[i] else width)
         before = found
-        base, left, matt = _without_gloss(samples, lit, gloss)
+        base, left, matt = without_coats(samples, lit, gloss)
         found, bounced, bounces = _to_scale(base, lit.shading * left[:, None], bounces, ambient, card, left)
-        bounced = None if bounced is None else bounced / np.maximum(left, _LEAST_LEFT)[:, None]
+        bounced = None if bounced is None else bounced / np.maximum(left, LEAST_LEFT)[:, None]
         # The convention of scale moves with the albedos; the highlights themselves stay as bright.
-        factor = float(before.strengths.sum() / max(found.strengths.sum(), 1e-300))
-        gloss = [replace(one, strength=min(one.strength * factor, STRONGEST)) for one in gloss]
+        by = float(before.strengths.sum() / max(found.strengths.sum(), 1e-300))
+        gloss = [_as_bright(one, by) for one in gloss]
     factor = 0.0 if bounces is None or bounces.factor is None else float(np.mean(bounces.factor))
     told = bounces is not None and bounces.told
-    return Materials(found, bounced, factor, told, tuple(gloss), tuple(considered), matt)
+    return Materials(found, bounced, factor, told, tuple(gloss), tuple(coats.best), matt)
 
 
 def borne_out(samples: Samples, lights: Sequence[Light], others: bool = False) -> Array:
@@ -176,7 +148,7 @@ def absolute(materials: Materials, samples: Samples) -> tuple[Materials, str]:
         by, words = by_texture(found, materials.matt or samples)
     if by == 1.0:
         return materials, words
-    gloss = tuple(replace(one, strength=min(one.strength * by, STRONGEST)) for one in materials.gloss)
+    gloss = tuple(_as_bright(one, by) for one in materials.gloss)
     return replace(materials, radiometry=scaled(found, by), gloss=gloss), words
 
 
@@ -209,14 +181,6 @@ def _to_scale(
     return found, bounced, bounces
 
 
-def _without_gloss(samples: Samples, lit: Lit, gloss: Sequence[Gloss]) -> tuple[Samples, Array, Samples]:
-    """Samples less their highlights, what the coats leave to the bases (N,), and what the bases alone would show."""
-    specular, left = np.zeros((len(samples), 3)), np.ones(len(samples))
-    for i, one in enumerate(gloss):
-        if one:
-            of = samples.surface == i
-            some = subset(samples, of)
-            specular[of], left[of] = specular_term(some, lit.of(of), one), base_share(some, one)
-    opening = None if samples.opening is None else samples.opening * left[:, None]
-    base = replace(samples, colour=samples.colour - specular, openness=samples.openness * left, opening=opening)
-    return base, left, replace(samples, colour=base.colour / np.maximum(left, _LEAST_LEFT)[:, None])
+def _as_bright(gloss: Gloss, by: float) -> Gloss:
+    """The gloss whose highlights are as bright under lights so many times weaker."""
+    return replace(gloss, strength=min(gloss.strength * by, STRONGEST))
