@@ -39,7 +39,7 @@ def combine(photo: Array, was: Array, is_now: Array, covered: Array) -> Array:
     that, as bright as a neighbour of the render, is the neighbour's light (an outline half a pixel off, noise) and
     goes where that goes. No pixel is made darker than black, and where nothing changes the photo stays to the last bit.
     """
-    doubt = _doubt(was)
+    doubt = doubt_of(was)
     around = _Around(photo, was, doubt)
     out = np.empty(photo.shape, dtype=photo.dtype)
     for first in range(0, len(photo), _ROWS):
@@ -145,7 +145,7 @@ def _between(blocks: Array, pixels: NDArray[np.intp], axis: int) -> Array:
 
 def gain_of(photo: Array, was: Array) -> Array:
     """By how much a change of the render counts in the photo (H, W, 3): see `combine`; kept from zero."""
-    return np.clip(_gain(photo, was, _doubt(was)), 0.05, _LARGEST_GAIN)
+    return np.clip(_gain(photo, was, doubt_of(was)), 0.05, _LARGEST_GAIN)
 
 
 def edited(photo: Array, reshaded: Array) -> Mask:
@@ -165,7 +165,7 @@ def uncertain(photo: Array, was: Array, is_now: Array, covered: Array, clipped: 
     Of the rest those that change, and that the photo has clipped, or that lay in the dark and are lit up, or where the
     photo is so much brighter than the render that something unmodelled must light it too.
     """
-    doubt = _doubt(was)
+    doubt = doubt_of(was)
     out = np.empty(clipped.shape, dtype=bool)
     for first in range(0, len(photo), _ROWS):
         rows = slice(first, first + _ROWS)
@@ -178,7 +178,8 @@ def uncertain(photo: Array, was: Array, is_now: Array, covered: Array, clipped: 
     return out
 
 
-def _doubt(was: Array) -> float:
+def doubt_of(was: Array) -> float:
+    """Square of a radiance that is dark for a render (H, W, 3)."""
     some = was[:: max(1, len(was) // _LOOKED_AT)]  # of a large picture a part tells as much
     lit = some[some > 0]
     usual = float(np.median(lit)) if len(lit) else 1.0

@@ -14,11 +14,10 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from ..types import Array, Progress
+from .change import doubt_of
 
 _REACH = 0.0125  # of the photo's larger side
 _STEPS = 4  # to as far as that
-_DARK = 0.05  # of the usual render: darker things are all alike
-_LOOKED_AT = 1000  # rows that say how bright a render usually is
 _ALIKE = 0.02  # misfit of two patches that may show the same
 _UNLIKE = 0.02, 0.04  # misfit of a pixel's own patch: explained by it, explained by others
 _FEW = 0.1  # weight of what is alike around a pixel, all of it: less says nothing
@@ -33,13 +32,11 @@ def registered(
 
     covered : (H, W) share of each pixel in which another object is seen than before; such pixels stay as they are, and
         speak for no other
-    Pixels that their own render explains stay to the last bit, and where no
-    render around a pixel changes, what is returned for it does not either.
+    Pixels that their own render explains stay to the last bit, and where nothing changes around a pixel, what is
+    returned for it does not either.
     """
     height, width = covered.shape
-    usual = was[:: max(1, height // _LOOKED_AT)]
-    usual = usual[usual > 0]
-    seen = _Seen(photo, was, is_now, covered, (_DARK * float(np.median(usual)) if len(usual) else 1.0) ** 2)
+    seen = _Seen(photo, was, is_now, covered, doubt_of(was))
     before, after = was.copy(), is_now.copy()
     for top in range(0, height, _TILE):
         yield Progress(top / height, "Bringing the renders to the photo's outlines")
@@ -59,7 +56,7 @@ class _Seen:
     was: Array
     is_now: Array
     covered: Array  # (H, W)
-    doubt: float  # square of a radiance so dark that it says nothing
+    doubt: float  # of its render
 
     def at(self, picture: Array, tile: tuple[slice, slice], way: tuple[int, int] = (0, 0)) -> Array:
         """A tile of a picture, with a border of a pixel, from some way off; beyond the picture its edge goes on."""
