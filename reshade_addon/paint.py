@@ -10,7 +10,8 @@ import bpy
 import numpy as np
 
 from ..core.errors import ReshadeError
-from ..core.materials.gloss import MATT, Gloss, GlossFit, Lit
+from ..core.materials.gloss import MATT, Gloss, Lit
+from ..core.materials.highlight_fit import GlossFit
 from ..core.materials.painting import interest, painted_on, solve_albedo, solve_strengths
 from ..core.photo.response import straightened
 from ..core.photo.samples import subset

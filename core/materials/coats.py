@@ -11,7 +11,8 @@ import numpy as np
 
 from ..photo.samples import subset
 from ..types import Array, Progress, Samples
-from .gloss import MATT, Gloss, GlossFit, Lit, base_share, specular_term
+from .gloss import MATT, Gloss, Lit, base_share, specular_term
+from .highlight_fit import GlossFit
 
 LEAST_LEFT = 1e-6  # of the light, under a coat
 _EVIDENT = 10.0  # gain of the Bayesian criterion, as for a highlight

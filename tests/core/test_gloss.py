@@ -10,13 +10,13 @@ from core.materials.gloss import (
     MATT,
     MODELS,
     Gloss,
-    GlossFit,
     Lit,
     base_share,
     converted,
     response_of,
     specular_term,
 )
+from core.materials.highlight_fit import GlossFit
 from core.materials.solve import solve_materials
 from core.photo.samples import subset
 from core.progress import drain
