@@ -34,16 +34,12 @@ from ..reshade_addon.scene_read import read_light
 from ..reshade_addon.scene_write import colour_socket, write_light
 from . import scene_parts as parts
 from .run import line
-from .scenes import AIM, photo_path, scene_folder
+from .scenes import AIM, KINDS, photo_path, scene_folder
 
 SAMPLES, TRUE_SAMPLES = 128, 256
 IN_FRONT = 0.72  # of the scene's middle
 CHANGED = 2 / 255  # encoded: pixels that an edit changes by more
 TINT = np.array([0.5, 0.8, 1.0])  # of the recoloured surface's albedo
-KINDS = (
-    *("tabletop", "tabletop, low ambient", "tabletop, interreflected", "textured", "two albedos", "glossy", "softbox"),
-    *("sun", "sun and sky", "room", "millimetres", "1 % noise", "8 bits, clipped"),
-)
 COLUMNS = ("scene", "seed", "edit", "PSNR dB", "over the scaled photo dB", "RMSE %", "scaled photo's RMSE %")
 
 
@@ -145,7 +141,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("folder", type=Path)
     parser.add_argument("--seeds", default="1,2")
-    parser.add_argument("--kinds", nargs="+", default=KINDS)
+    parser.add_argument("--kinds", nargs="+", choices=tuple(KINDS), default=tuple(KINDS), metavar="NAME")
     parser.add_argument("--edits", nargs="+", choices=tuple(EDITS), default=tuple(EDITS))
     parser.add_argument("--known", action="store_true")
     parser.add_argument("--quality", choices=QUALITIES, default="accurate")
