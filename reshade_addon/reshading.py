@@ -38,10 +38,8 @@ def reshade(scene: bpy.types.Scene, photo: Photo, samples: int) -> Generator[Pro
 
     Raises ReshadeError where the scene has no reference state, or the camera is not as it was.
     """
-    found = yield from shifted(_renders(scene, photo, samples), 0.0, 0.9)
-    if found is None:
-        return photo.linear
-    return (yield from shifted(_combined(scene, photo, *found), 0.9, 1.0))
+    found = yield from _renders(scene, photo, samples)
+    return photo.linear if found is None else _combined(scene, photo, *found)
 
 
 def reshade_layers(scene: bpy.types.Scene, photo: Photo, samples: int) -> Generator[Progress, None, dict[str, Array]]:
@@ -54,18 +52,15 @@ def reshade_layers(scene: bpy.types.Scene, photo: Photo, samples: int) -> Genera
 
     Raises ReshadeError as `reshade` does.
     """
-    found = yield from shifted(_renders(scene, photo, samples), 0.0, 0.55)
+    found = yield from shifted(_renders(scene, photo, samples), 0.0, 0.6)
     size = photo.size
     nothing = np.zeros((size[1], size[0]))
     reshaded, covered = photo.linear, nothing
     modelled = yield from shifted(silhouette(read_view(scene, size)), 0.6, 0.65)
     doubtful = ~modelled
     if found is not None:
-        reshaded, covered = (yield from shifted(_combined(scene, photo, *found), 0.55, 0.6)), found[2]
-        straight = straightened(photo, scene.reshade.response).linear
-        matt = straight if found[3] is None else straight - found[3].part
-        doubtful = uncertain(matt, *found[:3], photo.clipped, modelled)
-        del straight, matt
+        reshaded, covered = _combined(scene, photo, *found), found[2]
+        doubtful = uncertain(_matt(scene, photo, found[3]), *found[:3], photo.clipped, modelled)
     del found
     with _sized(scene, size):
         passes = yield from shifted(render_passes(scene, samples), 0.65, 1.0)
@@ -76,21 +71,24 @@ def reshade_layers(scene: bpy.types.Scene, photo: Photo, samples: int) -> Genera
 
 def _combined(
     scene: bpy.types.Scene, photo: Photo, was: Array, is_now: Array, covered: Array, highlights: Highlights | None
-) -> Generator[Progress, None, Array]:
+) -> Array:
     """The photo (H, W, 3) changed as its renders are, as its camera would have responded."""
     exponent = scene.reshade.response
     straight = straightened(photo, exponent).linear
-    matt = straight if highlights is None else straight - highlights.part
-    was, is_now = yield from registered(matt, was, is_now, covered)
-    del matt
     return as_photographed(combine_with(straight, was, is_now, covered, highlights), straight, photo.linear, exponent)
+
+
+def _matt(scene: bpy.types.Scene, photo: Photo, highlights: Highlights | None) -> Array:
+    """The photo's radiance (H, W, 3) without the highlights that are no gloss of the scene's."""
+    straight = straightened(photo, scene.reshade.response).linear
+    return straight if highlights is None else straight - highlights.part
 
 
 def _renders(
     scene: bpy.types.Scene, photo: Photo, samples: int
 ) -> Generator[Progress, None, tuple[Array, Array, Array, Highlights | None] | None]:
-    """The renders before and after the edits, the share of each pixel covered anew, and what highlights are to be put
-    back; None without an edit."""
+    """The renders before and after the edits, with the photo's outlines; the share of each pixel covered anew; and what
+    highlights are to be put back. None without an edit."""
     yield Progress(0.0, "Comparing the scene with its reference state")
     with reference.opened(scene) as copy:
         before = copy.scene
@@ -106,8 +104,10 @@ def _renders(
         with _alike(scene, before, photo.size):
             # First, while nothing else is held: its passes take Blender more than a picture does.
             put_back = yield from shifted(changed_highlights(scene, before, photo, samples), 0.1, 0.2)
-            was = yield from shifted(reference.picture(scene, before, samples), 0.2, 0.6)
-            is_now = yield from shifted(render(scene, samples), 0.6, 1.0)
+            was = yield from shifted(reference.picture(scene, before, samples), 0.2, 0.55)
+            is_now = yield from shifted(render(scene, samples), 0.55, 0.9)
+    matt = _matt(scene, photo, put_back)
+    was, is_now = yield from shifted(registered(matt, was, is_now, covered), 0.9, 1.0)
     return was, is_now, covered, put_back
 
 
