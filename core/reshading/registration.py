@@ -36,7 +36,7 @@ def registered(
     returned for it does not either.
     """
     height, width = covered.shape
-    seen, reach = _Seen(photo, was, is_now, covered, doubt_of(was)), _REACH * max(height, width)
+    seen, ways = _Seen(photo, was, is_now, covered, doubt_of(was)), _ways(_REACH * max(height, width))
     before, after = was.copy(), is_now.copy()
     for top in range(0, height, _TILE):
         yield Progress(top / height, "Bringing the renders to the photo's outlines")
@@ -45,7 +45,7 @@ def registered(
             share = seen.unexplained(tile)
             if share.any():
                 row, column = np.nonzero(share)
-                total, means = seen.around(tile, (row, column), reach)
+                total, means = seen.around(tile, (row, column), ways)
                 share = (share[row, column] * total / (total + _FEW))[:, None]
                 for picture, mean in zip((before, after), means, strict=True):
                     here = picture[row + top, column + left]
@@ -69,22 +69,25 @@ class _Seen:
         return np.where(self.covered[tile] == 0, share, 0.0)
 
     def around(
-        self, tile: tuple[slice, slice], some: tuple[NDArray[np.intp], NDArray[np.intp]], reach: float
+        self,
+        tile: tuple[slice, slice],
+        some: tuple[NDArray[np.intp], NDArray[np.intp]],
+        ways: Sequence[tuple[tuple[int, int], float]],
     ) -> tuple[Array, Array]:
         """The weight (M,) of what looks around some pixels as they do, and its means (2, M, 3) in the renders."""
         photo = self._at(self.photo, tile)
         energy, total, sums = _square(photo), np.zeros(len(some[0])), np.zeros((2, len(some[0]), 3))
-        for way in _ways(reach):
+        for way, price in ways:
             renders = [self._at(one, tile, way) for one in (self.was, self.is_now)]
             free = self._at(self.covered, tile, way)[_WITHIN] == 0
             misfit = np.where(free, self._misfit(photo, energy, renders[0]), np.inf)[some]
-            near = np.exp(-misfit / _ALIKE - 2 * (way @ way) / reach**2)
+            near = np.exp(-misfit / _ALIKE - price)
             total += near
             for mean, render in zip(sums, renders, strict=True):
                 mean += near[:, None] * render[_WITHIN][some]
         return total, sums / np.maximum(total, 1e-300)[:, None]
 
-    def _at(self, picture: Array, tile: tuple[slice, slice], way: Sequence[int] = (0, 0)) -> Array:
+    def _at(self, picture: Array, tile: tuple[slice, slice], way: tuple[int, int] = (0, 0)) -> Array:
         """A tile of a picture, with a border of a pixel, from some way off; beyond the picture its edge goes on."""
         rows, columns = (
             np.clip(np.arange(one.start - 1, one.stop + 1) + off, 0, size - 1)
@@ -103,9 +106,10 @@ def _square(picture: Array) -> Array:
     return np.asarray(np.einsum("ijk,ijk->ij", picture, picture))
 
 
-def _ways(reach: float) -> NDArray[np.intp]:
-    """Steps (K, 2) over a disc, in pixels, each once."""
+def _ways(reach: float) -> list[tuple[tuple[int, int], float]]:
+    """Steps over a disc, in pixels, each once, and what being so far away costs."""
     side = np.arange(-_STEPS, _STEPS + 1)
     grid = np.stack(np.meshgrid(side, side, indexing="ij"), axis=-1).reshape(-1, 2)
     grid = grid[(grid**2).sum(axis=1) <= _STEPS**2]
-    return np.unique(np.rint(grid * (reach / _STEPS)).astype(np.intp), axis=0)
+    steps = np.unique(np.rint(grid * (reach / _STEPS)).astype(np.intp), axis=0)
+    return [((y, x), 2 * (y * y + x * x) / reach**2) for y, x in steps.tolist()]
