@@ -111,14 +111,17 @@ def test_a_constant_ambient_is_no_sky():
     np.testing.assert_allclose(found.ambient, [0.3, 0.2, 0.1], rtol=1e-4)
 
 
-@pytest.mark.parametrize(("leak", "noise"), [(0.0, 0.0), (0.0, 1e-3), (1e-4, 0.0), (1e-4, 1e-3)])
-def test_a_surface_that_no_light_reaches_is_black_not_wild(leak, noise):
+@pytest.mark.parametrize(
+    ("ambient", "leak", "noise"),
+    [(CONSTANT, 0.0, 0.0), (NONE, 0.0, 0.0), (NONE, 0.0, 1e-3), (NONE, 1e-4, 0.0), (NONE, 1e-4, 1e-3)],
+)
+def test_a_surface_that_no_light_reaches_is_black_not_wild(ambient, leak, noise):
     """Rays may slip through where the model is coarse: a little light, and noise for the photo."""
     samples, shading = made(np.full((1, 3), 5.0), np.zeros(3), ALBEDO)
     dark = samples.surface == 2
     shading[dark] *= leak
     samples.colour[dark] = noise * np.random.default_rng(0).uniform(size=samples.colour[dark].shape)
-    found = solve_radiometry(samples, shading, ambient=NONE)
+    found = solve_radiometry(samples, shading, ambient=ambient)
     np.testing.assert_array_equal(found.unlit, [False, False, True])
     np.testing.assert_array_equal(found.albedo[2], 0)
     np.testing.assert_allclose(found.albedo[:2], ALBEDO[:2], rtol=1e-4)
