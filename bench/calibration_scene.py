@@ -15,16 +15,16 @@ from ..core.color import linear_to_srgb, srgb_to_linear
 from ..core.light.starts import in_view
 from ..core.photo.samples import choose_samples, extent_of, subset
 from ..core.radiance.lights import across, facing, reach_of, shading
-from ..core.radiance.visibility import openness, settled, visible_fraction
+from ..core.radiance.visibility import openness, visible_fraction
 from ..core.types import AreaLight, Array, Buffers, Camera, Mask, Photo, Samples
 
 HALF = 1.2  # side of the table
 AIM = np.array([0.0, 0.0, 0.2])  # what lights are about
 FAR = 60.0  # of the extent
-RAYS, OPEN_RAYS = 1024, 128  # of a photo, a pixel; no more than a few % of the light come from all around
-MARGIN = 0.02  # of the light's distance: pixels nearer to a penumbra than that are asked with all rays
+RAYS, OPEN_RAYS = 4096, 512  # of a photo, a pixel; no more than a few % of the light come from all around
+MARGIN, PROBES = 0.005, 256  # of the light's distance, and rays: pixels nearer to a penumbra are asked with all rays
 EVERY = 1 << 24  # so many samples that no pixel is left out
-BLOCK = 400  # samples whose rays are cast at once
+BLOCK = 100  # samples whose rays are cast at once
 WHITE = 0.8  # of the brightest pixels
 
 Noise = Callable[[Array, np.random.Generator], Array]  # a photo (H, W, 3) with the sensor's noise
@@ -94,8 +94,8 @@ class Tabletop:
 def _slabs(start: Array, way: Array, corners: Array) -> tuple[Array, Array]:
     """Where lines (M, 3) enter a box (2, 3) and leave it, in lengths of `way`; they miss it if they leave first."""
     with np.errstate(divide="ignore", invalid="ignore"):
-        cut = np.sort((corners[:, None] - start) / way, axis=0)
-    return cut[0].max(axis=1), cut[1].min(axis=1)
+        one, other = ((corner[:, None] - start.T) / way.T for corner in corners)
+    return np.minimum(one, other).max(axis=0), np.maximum(one, other).min(axis=0)
 
 
 def _mixed(surface: Array, normal: Array) -> Mask:
@@ -192,15 +192,14 @@ def shot(seed: int, width: int, height: int, *, most_ambient: float) -> Shot:
     return Shot(scene, camera, buffers, bright, gain * ambient, Photo(linear, all_hit.clipped))
 
 
-def true_share(
-    light: AreaLight, samples: Samples, scene: Tabletop, middle: Array, extent: float, rays: int = RAYS, turn: int = 0
-) -> Array:
-    """Visible fraction (N,) with `rays` rays a sample in penumbrae; each `turn` casts other ones."""
-    share = settled(light, samples, scene.visible, FAR * extent, MARGIN * reach_of(light, middle))
-    unsure = np.flatnonzero(np.isnan(share))
+def true_share(light: AreaLight, samples: Samples, scene: Tabletop, middle: Array, extent: float) -> Array:
+    """Visible fraction (N,), with all rays in and beside penumbrae."""
+    grown = replace(light, size=light.size + 2 * MARGIN * reach_of(light, middle))
+    share = visible_fraction(grown, samples, scene.visible, PROBES, FAR * extent)
+    unsure = np.flatnonzero((share > 0) & (share < 1))
     for first in range(0, len(unsure), BLOCK):
-        some = np.roll(unsure[first : first + BLOCK], turn)
-        share[some] = visible_fraction(light, subset(samples, some), scene.visible, rays, FAR * extent)
+        some = unsure[first : first + BLOCK]
+        share[some] = visible_fraction(light, subset(samples, some), scene.visible, RAYS, FAR * extent)
     return share
 
 

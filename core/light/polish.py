@@ -24,8 +24,8 @@ from .refinement import refined
 from .regions import regions
 from .sight import Asked, Sight, fields_along
 
-_LAST_RAYS = 256, 1024  # of the last steps, at least and at most: less noise than 1 % of what a penumbra shows
-_SLOPES = 2  # times as many rays in each of two sets of slopes as in other fits
+_LAST_RAYS = 1024  # of the last steps: less noise than 1 % of what a penumbra shows
+_LAST_OPEN_RAYS = 512  # of openness, whose noise with fewer is that of a per cent of an ambient of 6 %
 _WORTH_IT = 64  # rays a sample, for last steps to be taken: a photo explained to 2 % or so
 _LAST_SAMPLES = 4000  # half of them in penumbrae: their rays are what takes time
 _REGION_ROUNDS = 5  # of regions and light in turn
@@ -78,11 +78,9 @@ def polished_with_regions(
 def finished(sight: Sight, here: Asked, fit: LightFit, effort: Effort) -> Generator[Progress, None, LightFit]:
     """The polished fit after its last steps, if the effort has any and the photo is worth them, and how sure it is."""
     problem = here.problem(sight, len(here.samples), effort.polish_rays)
-    worth = rays_worth(fit, problem, _LAST_RAYS[1])
-    if effort.last_steps and worth >= _WORTH_IT:
-        rays = max(worth, _LAST_RAYS[0])
-        few = replace(problem.first(_LAST_SAMPLES), rays=rays)
-        last = refined(few, fit, iterations=effort.last_steps, slope_rays=min(rays, _SLOPES * effort.fit_rays))
+    if effort.last_steps and rays_worth(fit, problem, _LAST_RAYS) >= _WORTH_IT:
+        few = here.first(_LAST_SAMPLES).opened(sight, _LAST_OPEN_RAYS).problem(sight, _LAST_SAMPLES, _LAST_RAYS)
+        last = refined(few, fit, iterations=effort.last_steps)
         fit, problem = (yield from watched(last, 0.0, 0.9, "Asking penumbrae with more rays")), few
     yield Progress(0.9, "Finding out how sure this is")
     problem, around = here.apart(problem, fit.around)

@@ -13,18 +13,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..photo.samples import first, hues, surface_means
+from ..radiance.light_edges import shadowed_gradient
 from ..radiance.lights import across, farthest_apart, moved, reach_of, shading, shading_gradient
 from ..radiance.visibility import settled, visible_fractions
 from ..types import AreaLight, Array, Light, PointLight, Samples, SunLight, Visible
 
 # Smallest steps for the derivative of visibility, in the coordinates of `moved`: they move a shadow by about a pixel.
-# Sides are probed towards smaller ones: a light too large blurs all edges, and larger ones would tell it nothing.
-_VISIBILITY_STEP = {
-    AreaLight: np.array([0.02] * 3 + [0.03] * 3 + [-0.1] * 2),
-    PointLight: np.array([0.01] * 3 + [-0.3]),
-    SunLight: np.array([0.01] * 2 + [-0.3]),
-}
-_SIZES = {AreaLight: slice(6, 8), PointLight: slice(3, 4)}  # coordinates that are logs of sizes
+# Sizes are probed towards smaller ones: a light too large blurs all edges, and a larger one would tell it nothing.
+_VISIBILITY_STEP = {PointLight: np.array([0.01] * 3 + [-0.3]), SunLight: np.array([0.01] * 2 + [-0.3])}
+_EDGE_RAYS = 16, 128  # a sample, at least and at most, to a rectangle's sides
 _PROBED = 0.024  # of the reach, for each smallest step that a probe is wide: how far it moves a light's edges
 _LEAST_MARGIN = 0.04  # of the reach: what is known near a light serves for a few steps
 _FEW_RAYS = 8  # a sample: fewer cost less than to find out which samples need none
@@ -104,7 +101,7 @@ class Problem:
         if self.visible is None or self.rays < _FEW_RAYS:
             return None
         reach = reach_of(light, self.middle)
-        needed = _PROBED * probe * reach
+        needed = 0.0 if isinstance(light, AreaLight) else _PROBED * probe * reach
         if before is not None and farthest_apart(before.light, light) + needed <= before.margin:
             return before
         margin = max(_LEAST_MARGIN * reach, needed)
@@ -271,43 +268,40 @@ def model_jacobian(problem: Problem, state: State) -> Array:
 def by_light(problem: Problem, state: State) -> Array:
     """Compute the derivative (N, P) of the modelled brightness by the light's coordinates."""
     samples, light, reach = problem.samples, state.light, reach_of(state.light, problem.middle)
-    _, slope = shading_gradient(light, samples.point, samples.normal, reach)
-    slope = slope * state.share[:, None]
-    if problem.visible is not None:
-        slope += state.shade[:, None] * _visibility_slope(problem, state, reach)
+    if isinstance(light, AreaLight) and problem.visible is not None:
+        rays, known = int(np.clip(problem.rays, *_EDGE_RAYS)), state.known.share if state.known else None
+        slope = shadowed_gradient(light, samples, problem.visible, rays, reach, known)
+    else:
+        slope = shading_gradient(light, samples.point, samples.normal, reach)[1] * state.share[:, None]
+        if problem.visible is not None:
+            slope += state.shade[:, None] * _visibility_slope(problem, state, reach)
     return np.asarray(np.exp(state.log_c)[samples.surface, None] * slope)
 
 
 def _visibility_slope(problem: Problem, state: State, reach: float) -> Array:
-    """(N, P) one-sided differences of the visible fraction.
+    """(N, P) one-sided differences of the visible fraction of a point or a sun, whose outline is next to none.
 
     The probe is as wide as the fit's own steps: a shadow that is not where the photo has it meets it no sooner.
     Fewer rays than the model's own are no saving: the fit then stops early, far from where it should.
 
-    One probe takes the light farther away and makes it larger by as much, and what its sides say is taken off again:
+    One probe takes a point farther away and makes it larger by as much, and what its size says is taken off again:
     the two in one are a valley, along which a shadow hardly changes and the noise of rays would be all there is to see.
     """
     light = state.light
     steps = np.diag(state.probe * _VISIBILITY_STEP[type(light)])
-    if isinstance(light, SunLight):
-        there = problem.shares([moved(light, step, reach) for step in steps], state.known)
-        return np.asarray((there - state.share).T / steps.sum(axis=1))
-    sizes, size = _SIZES[type(light)], np.diag(steps).copy()
-    farther = _farther(light, problem.middle, reach)
-    ways = np.stack([farther, *across(farther)])
-    steps[:3, :3] = size[:3, None] * ways
-    steps[0, sizes] = size[0]
+    size = np.diag(steps).copy()
+    ways = np.eye(3)
+    if isinstance(light, PointLight):
+        farther = (light.centre - problem.middle) / reach
+        ways = np.stack([farther, *across(farther)])
+        steps[:3, :3] = size[:3, None] * ways
+        steps[0, 3] = size[0]
     there = problem.shares([moved(light, step, reach) for step in steps], state.known)
     slope = (there - state.share).T / size
-    slope[:, 0] -= slope[:, sizes].sum(axis=1)
-    slope[:, :3] = slope[:, :3] @ ways
+    if isinstance(light, PointLight):
+        slope[:, 0] -= slope[:, 3]
+        slope[:, :3] = slope[:, :3] @ ways
     return np.asarray(slope)
-
-
-def _farther(light: AreaLight | PointLight, middle: Array, reach: float) -> Array:
-    """The way (3,) straight away from the middle of the scene, in the light's coordinates of place."""
-    away = (light.centre - middle) / reach
-    return np.stack([light.u, light.v, np.cross(light.u, light.v)]) @ away if isinstance(light, AreaLight) else away
 
 
 def several_terms(terms: Array, y: Array, weight: Array) -> Array:

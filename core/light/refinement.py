@@ -1,11 +1,7 @@
 """The last steps of a fit, with so many shadow rays that what is left to err about is the photo.
 
 A fit that moves a light far is content with few rays. In a penumbra they err by 0.06 of the light with 16 rays, by 0.02
-with 64 and by 0.008 with 256; 1 % of a half lit pixel is 0.005. The noise of rays harms in three ways. In the residual
-it is noise like any other: the residual gets more rays. Where slopes and residual share it, it pulls the light aside,
-for J' r does not vanish on average where the light is right: slopes get rays of their own. And in J' J it passes for
-information, which shortens steps where least is known, in sides and roll: slopes are made twice, and only products of
-the one with the other count (`covariance.information`).
+with 64, by 0.008 with 256 and by 0.003 with 1024; 1 % of a half lit pixel is 0.005.
 
 A light's sides show in penumbrae alone once its strength makes up for what they change elsewhere; steps are damped by
 that (`damped_steps`), or they would not reach them.
@@ -17,9 +13,8 @@ import numpy as np
 
 from ..radiance.lights import coordinates, moved, reach_of
 from ..types import Array
-from .covariance import independent, information
 from .fit import LightFit, at_rest, result_of
-from .problem import Problem, State, _loss_weight, cost, ray_variance, score, spread_of
+from .problem import Problem, State, cost, normal_equations, ray_variance, score, spread_of
 
 _LARGEST_STEP = 0.15  # in the coordinates of `moved`
 _LARGEST_LOG_STEP = 1.0  # of a strength
@@ -29,18 +24,17 @@ _TRIALS = 5  # of a step, each ten times as damped
 _SETTLED = 1e-4  # of the loss: two steps in a row that lower it by less are the last
 
 
-def refined(problem: Problem, fit: LightFit, *, iterations: int, slope_rays: int) -> Generator[float, None, LightFit]:
+def refined(problem: Problem, fit: LightFit, *, iterations: int) -> Generator[float, None, LightFit]:
     """Take the last steps from a fit; a generator that yields the mean loss after each and returns the better fit.
 
-    problem : what the fit was made to, with the residual's rays, a few hundred
-    iterations : most steps to take; slope_rays : of each of the two sets of slopes
+    problem : what the fit was made to, with many rays; iterations : most steps to take
     """
     state = at_rest(fit, problem)
     damping, quiet, converged, done = _DAMPING, 0, False, 0
     for done in range(1, iterations + 1):  # noqa: B007 - `done` is read after the loop
         expected = _expected(problem, state)
         before = cost(problem, state, expected)
-        found, damping = _stepped(problem, state, expected, slope_rays, damping)
+        found, damping = _stepped(problem, state, expected, damping)
         if found is None:
             converged = True
             break
@@ -54,17 +48,12 @@ def refined(problem: Problem, fit: LightFit, *, iterations: int, slope_rays: int
     return result_of(problem, state, fit.iterations + done, converged)
 
 
-def _stepped(
-    problem: Problem, state: State, expected: Array, slope_rays: int, damping: float
-) -> tuple[State | None, float]:
+def _stepped(problem: Problem, state: State, expected: Array, damping: float) -> tuple[State | None, float]:
     """The state after a step that lowers the loss, None where none does, and the damping that it took."""
-    slopes, _ = independent(problem, state, slope_rays)
-    weight = _loss_weight(problem, state, expected)
-    both, matrix = slopes.mean(axis=0), information(slopes, weight)
-    pull = both.T @ (weight * state.residual(problem))
+    matrix, rise = normal_equations(problem, state, expected)
     before = cost(problem, state, expected)
     for _ in range(_TRIALS):
-        for step in damped_steps(matrix, pull, damping, coordinates(state.light)):
+        for step in damped_steps(matrix, -rise, damping, coordinates(state.light)):
             trial = _moved(problem, state, step)
             if cost(problem, trial, expected) < before and problem.hidden(trial.light):
                 return trial, damping

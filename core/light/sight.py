@@ -15,6 +15,7 @@ from .ambient import Ambient
 from .problem import Problem, brightness
 from .starts import in_view
 
+_OPEN_RAYS = 32  # a sample, that tell its openness: of a constant ambient a few hundredths
 FAR = 60.0  # of the scene's extent: as good as infinity for a shadow ray
 
 
@@ -61,6 +62,14 @@ class Asked:
         share = visible_fraction(light, samples, sight.visible, rays, sight.far)
         return replace(self, others=(shading(light, samples.point, samples.normal) * share)[:, None])
 
+    def opened(self, sight: Sight, rays: int) -> "Asked":
+        """The same with openness told by so many rays a sample, where nothing but a constant ambient is around."""
+        if self.around is not None or self.ambient is not None:
+            return self
+        openness, opening = opened(self.samples, sight.visible, rays, sight.far)
+        samples = replace(self.samples, openness=openness, opening=opening)
+        return replace(self, samples=samples, fields=openness[:, None])
+
     def first(self, count: int) -> "Asked":
         """The first `count` samples, and what reaches them."""
         return replace(self, samples=first(self.samples, count), fields=self.fields[:count], others=self.others[:count])
@@ -104,9 +113,7 @@ def look(
 def asked(sight: Sight, samples: Samples, rays: int = RAYS) -> Generator[Progress, None, Asked]:
     """Find out what surrounds samples, by so many rays from each."""
     if sight.meets is None:
-        openness, opening = opened(samples, sight.visible, 32, sight.far)
-        samples = replace(samples, openness=openness, opening=opening)
-        return Asked(samples, None, samples.openness[:, None], np.zeros((len(samples), 0)))
+        return Asked(samples, None, np.zeros((len(samples), 0)), np.zeros((len(samples), 0))).opened(sight, _OPEN_RAYS)
     gathering = gather(samples, sight.photo, sight.camera, sight.buffers, sight.meets, rays)
     around = yield from watched(gathering, 0.0, 1.0, "Gathering the light that surfaces send one another")
     samples = replace(samples, openness=around.samples.openness, opening=around.opening)

@@ -57,8 +57,8 @@ def visible_fractions(
         point, normal, at = samples.point[some], samples.normal[some], pattern(len(samples), rays)[some]
         targets, weights = zip(*(_rays_to(light, point, normal, at, far) for light in lights), strict=True)
         weight = np.concatenate(weights, axis=1)
-        start = np.tile(_begin(samples, rays, some), (1, len(lights), 1))
-        arrives = _cast(start, np.concatenate(targets, axis=1), weight > 0, visible)
+        start = np.tile(ray_starts(samples, rays, some), (1, len(lights), 1))
+        arrives = cast(start, np.concatenate(targets, axis=1), weight > 0, visible)
         asked, came = (of.reshape(len(some), len(lights), rays).sum(axis=2) for of in (weight, weight * arrives))
         share[:, some] = np.where(asked > 0, came / np.where(asked > 0, asked, 1.0), 1.0).T
     return share
@@ -87,16 +87,16 @@ def settled(light: Light, samples: Samples, visible: Visible, far: float, margin
     the rays saved here are spent on them.
     """
     target = _around(light, samples, far, margin)
-    start = _begin(samples, _PROBES, np.arange(len(samples)))
+    start = ray_starts(samples, _PROBES, np.arange(len(samples)))
     above = np.einsum("ijk,ik->ij", target - samples.point[:, None], samples.normal) > 0
-    arrives = _cast(start, target, above, visible)
+    arrives = cast(start, target, above, visible)
     asked = above.sum(axis=1)
     lit = arrives.sum(axis=1) == asked
     return np.where(lit, 1.0, np.where(arrives.any(axis=1), np.nan, 0.0))
 
 
-def _begin(samples: Samples, rays: int, some: NDArray[np.intp]) -> Array:
-    """Where shadow rays of some of the samples begin, (n, rays, 3): all over what each pixel shows, off its surface."""
+def ray_starts(samples: Samples, rays: int, some: NDArray[np.intp]) -> Array:
+    """Spread the starts of some samples' shadow rays, (n, rays, 3), over what each pixel shows, off its surface."""
     start = (samples.point[some] + samples.lift * samples.normal[some])[:, None]
     if rays == 1 or samples.footprint is None:
         return np.broadcast_to(start, (len(some), rays, 3))
@@ -170,12 +170,12 @@ def opened(samples: Samples, visible: Visible, rays: int, far: float) -> tuple[A
     direction = hemisphere(samples.normal, rays)
     start = samples.point + samples.lift * samples.normal
     wanted = np.ones(direction.shape[:2], dtype=bool)
-    arrives = _cast(start, start[:, None] + far * direction, wanted, visible)
+    arrives = cast(start, start[:, None] + far * direction, wanted, visible)
     return arrives.mean(axis=1), np.einsum("nk,nkc->nc", arrives, direction) / rays
 
 
-def _cast(start: Array, target: Array, wanted: Mask, visible: Visible) -> Mask:
-    """(N, K) bool: which of the wanted rays from start (N, 3) or (N, K, 3) to target (N, K, 3) arrive."""
+def cast(start: Array, target: Array, wanted: Mask, visible: Visible) -> Mask:
+    """Find out which of the wanted (N, K) rays from start (N, 3) or (N, K, 3) to target (N, K, 3) arrive, (N, K)."""
     start = np.broadcast_to(start if start.ndim == 3 else start[:, None], target.shape)
     # Neighbours' rays meet the same parts of a tree of triangles, which then still are in the processor's cache.
     near = cKDTree(start[:, 0]).indices

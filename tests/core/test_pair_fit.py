@@ -30,7 +30,7 @@ def both(ball, lights):
     samples = choose_samples(Photo(one + other, np.zeros(one.shape[:2], dtype=bool)), ball.camera, ball.buffers, 500)
     middle, extent = extent_of(samples)
     around = np.zeros((len(samples), 0))
-    return Problem(samples, brightness(samples), ball.visible, 16, 60 * extent, middle, lambda _: True, around)
+    return Problem(samples, brightness(samples), ball.visible, 64, 60 * extent, middle, lambda _: True, around)
 
 
 def begun(light, problem, seed):

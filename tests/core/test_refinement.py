@@ -38,7 +38,7 @@ def test_the_last_steps_lead_nearer_to_the_light(ball):
         step = rng.choice([-1, 1], 8) * np.array([0.01, 0.01, 0.01, 0.04, 0.04, 0.05, 0.1, 0.1])
         begun = replace(moved(true, step, reach_of(true, coarse.middle)), radiance=np.ones(3))
         before = drain(fit_light(coarse, begun, iterations=8))
-        after = drain(refined(problem_of(ball, photo, 256), before, iterations=6, slope_rays=64))
+        after = drain(refined(problem_of(ball, photo, 256), before, iterations=6))
         rough.append(off(before.light, true))
         fine.append(off(after.light, true))
     usual = np.sqrt(np.mean(np.square([rough, fine]), axis=1))
@@ -49,7 +49,7 @@ def test_the_end_without_shadows_is_the_end(ball):
     """Where the last steps end, scipy's own minimiser of the same loss finds nothing better, and stays."""
     problem = replace(problem_of(ball, ball.photo(ball.light(), noise=0.01), 1, count=200), visible=None)
     rough = drain(fit_light(problem, ball.light(), iterations=100, tolerance=1e-12))
-    fit = drain(refined(problem, rough, iterations=20, slope_rays=1))
+    fit = drain(refined(problem, rough, iterations=20))
     assert fit.converged
     state = at_rest(fit, problem)
     reach, places, surfaces = reach_of(fit.light, problem.middle), coordinates(fit.light), len(state.log_c)
