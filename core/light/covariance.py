@@ -21,7 +21,7 @@ from ..radiance.lights import coordinates
 from ..types import AreaLight, Array, PointLight, Samples, SunLight
 from .problem import Problem, State, _loss_weight, model_jacobian
 
-RAYS = 64  # a sample, of slopes and of the residual that is compared with the fit's
+RAYS = 64  # a sample, at least, of slopes and of the residual that is compared with the fit's
 CELLS = (12, 6, 4, 3)  # of the photo's longer side: patches from small to large
 _TURNS = (1 / 3, 2 / 3)  # of the samples' order: another's points on the light are other rays
 _LEAST_REAL = 0.02  # of the information in a direction; what is found to be less cannot be told from the rays' noise
@@ -45,7 +45,7 @@ def covariance(problem: Problem, state: State, expected: Array) -> Array:
     expected : (N,) deviation of each residual as the fit weighed it
     """
     weight = _loss_weight(problem, state, expected)
-    slopes, others = independent(problem, state, RAYS)
+    slopes, others = independent(problem, state, max(RAYS, problem.rays))
     usual = slopes.mean(axis=0)
     to_power, back = _powers(state)
     inverse = np.linalg.pinv(information(slopes, weight), rcond=1e-14, hermitian=True) @ to_power.T

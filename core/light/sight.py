@@ -15,7 +15,7 @@ from .ambient import Ambient
 from .problem import Problem, brightness
 from .starts import in_view
 
-_OPEN_RAYS = 32  # a sample, that tell its openness: of a constant ambient a few hundredths
+_OPEN_RAYS = 128  # a sample, that tell its openness: with fewer their noise hides some of a constant ambient
 FAR = 60.0  # of the scene's extent: as good as infinity for a shadow ray
 
 
