@@ -41,7 +41,7 @@ class Fixed:
 
     placed: Counter[Any]  # objects by place and size of their mesh
     gloss: Counter[Any]  # materials by all but their base colour
-    sky: tuple[str, float]  # name of the node that the world's colour comes from, and its strength; of no one colour
+    sky: tuple[str, float]  # of a world of no one colour: the node that its colour comes from, and its strength
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,13 +110,20 @@ def _fixed(scene: bpy.types.Scene, names: tuple[str, ...], materials: Mapping[st
     solid = [obj for obj in scene.objects if obj.type in SOLID and not obj.hide_render]
     sizes = [len(obj.data.vertices) if obj.type == "MESH" else 0 for obj in solid]
     used = [materials[name] for name in names if name in materials]
-    world = background(scene.world)
-    links = ambient_colour(world).links if world else ()
     return Fixed(
         Counter((np.array(obj.matrix_world).tobytes(), size) for obj, size in zip(solid, sizes, strict=True)),
         Counter(_but_colour(material) for material in used),
-        (links[0].from_node.name, world.inputs["Strength"].default_value) if links else EVEN,
+        _sky(scene.world),
     )
+
+
+def _sky(world: bpy.types.World | None) -> tuple[str, float]:
+    node = background(world)
+    if node is not None:
+        links = ambient_colour(node).links
+        return (links[0].from_node.name, node.inputs["Strength"].default_value) if links else EVEN
+    several = [one for one in world.node_tree.nodes if one.type == "BACKGROUND"] if world and world.node_tree else []
+    return ("several", sum(one.inputs["Strength"].default_value for one in several)) if several else EVEN
 
 
 def _but_colour(material: bpy.types.Material) -> tuple[Any, ...]:

@@ -42,10 +42,11 @@ def registered(
         yield Progress(top / height, "Bringing the renders to the photo's outlines")
         for left in range(0, width, _TILE):
             tile = slice(top, min(top + _TILE, height)), slice(left, min(left + _TILE, width))
-            share = seen.unexplained(tile)
+            patches = seen.patches(tile)
+            share = seen.unexplained(tile, patches)
             if share.any():
                 row, column = np.nonzero(share)
-                total, means = seen.around(tile, (row, column), ways)
+                total, means = seen.around(tile, patches, (row, column), ways)
                 share = (share[row, column] * total / (total + _FEW))[:, None]
                 for picture, mean in zip((before, after), means, strict=True):
                     here = picture[row + top, column + left]
@@ -61,26 +62,30 @@ class _Seen:
     covered: Array  # (H, W)
     doubt: float  # of its render
 
-    def unexplained(self, tile: tuple[slice, slice]) -> Array:
+    def patches(self, tile: tuple[slice, slice]) -> tuple[Array, Array]:
+        """A tile of the photo, and its squares, both with a border."""
+        photo = self._at(self.photo, tile)
+        return photo, _square(photo)
+
+    def unexplained(self, tile: tuple[slice, slice], patches: tuple[Array, Array]) -> Array:
         """How little (h, w) of a tile's pixels their own render explains."""
         low, high = _UNLIKE
-        photo, render = self._at(self.photo, tile), self._at(self.was, tile)
-        share = np.clip((self._misfit(photo, _square(photo), render) - low) / (high - low), 0.0, 1.0)
+        share = np.clip((self._misfit(*patches, self._at(self.was, tile)) - low) / (high - low), 0.0, 1.0)
         return np.where(self.covered[tile] == 0, share, 0.0)
 
     def around(
         self,
         tile: tuple[slice, slice],
+        patches: tuple[Array, Array],
         some: tuple[NDArray[np.intp], NDArray[np.intp]],
         ways: Sequence[tuple[tuple[int, int], float]],
     ) -> tuple[Array, Array]:
         """The weight (M,) of what looks around some pixels as they do, and its means (2, M, 3) in the renders."""
-        photo = self._at(self.photo, tile)
-        energy, total, sums = _square(photo), np.zeros(len(some[0])), np.zeros((2, len(some[0]), 3))
+        total, sums = np.zeros(len(some[0])), np.zeros((2, len(some[0]), 3))
         for way, price in ways:
             renders = [self._at(one, tile, way) for one in (self.was, self.is_now)]
             free = self._at(self.covered, tile, way)[_WITHIN] == 0
-            misfit = np.where(free, self._misfit(photo, energy, renders[0]), np.inf)[some]
+            misfit = np.where(free, self._misfit(*patches, renders[0]), np.inf)[some]
             near = np.exp(-misfit / _ALIKE - price)
             total += near
             for mean, render in zip(sums, renders, strict=True):

@@ -148,6 +148,22 @@ def test_the_preview_says_what_it_does_not_show(explained, load, drain):
     assert live.unshown(scene) == ("objects that were added, moved or removed", "gloss")
 
 
+def test_the_preview_says_so_of_a_world_of_several_backgrounds(explained, load, drain):
+    scene, photo = explained
+    load("reshade_addon.world").write_world(scene, np.array([0.3, 0.5, 0.2]))
+    load("reshade_addon.reference").store(scene)
+    live = drain(load("reshade_addon.previewing").begin(scene, photo))
+    assert live.unshown(scene) == ()
+    tree = scene.world.node_tree
+    tree.nodes.new("ShaderNodeBackground")
+    assert live.unshown(scene) == ("a sky that varies",)
+    load("reshade_addon.reference").store(scene)
+    live = drain(load("reshade_addon.previewing").begin(scene, photo))
+    assert live.unshown(scene) == ()
+    tree.nodes["Background"].inputs["Strength"].default_value *= 2
+    assert live.unshown(scene) == ("a sky that varies",)
+
+
 def test_passes_of_a_large_photo_are_those_of_a_small_one(explained, load, drain, monkeypatch):
     """They are rendered one kind after the other, for memory's sake."""
     scene, _ = explained
