@@ -5,7 +5,7 @@ Three things make a light err, and none of them is the noise of independent pixe
 - What a model has wrong is wrong in the same way all over a patch of the photo, be the patch small or as large as a
   surface. Residuals' pull on the unknowns is summed over patches of several sizes and over surfaces (the sandwich of
   Huber 1967, by cluster: Liang & Zeger 1986), and each unknown gets the largest deviation.
-- Slopes of the visible fraction are differences of few shadow rays. Their noise adds to J' J as if it were knowledge,
+- Slopes of shadows are told by few rays. Their noise adds to J' J as if it were knowledge,
   most where there is least. Slopes are made twice, with different rays; only products of one with the other count.
 - The fit itself met noise of its rays. How far it would go on if it were given others is part of how far it is off.
 """
