@@ -2,7 +2,8 @@
 
 The albedo k of `gloss` is linear; the strength follows by Gauss-Newton steps, albedos eliminated; the width by a row of
 trials and golden section. A gloss is evident where the fit gets better by much more than its two unknowns cost, the
-highlight is no mere sliver of what the surface shows, and widths far from the best one fit clearly worse.
+highlight is no mere sliver of what the surface shows nor the foot of one that is not seen, and widths far from the best
+one fit clearly worse.
 """
 
 from collections.abc import Callable
@@ -13,7 +14,7 @@ import numpy as np
 from ..photo.samples import subset
 from ..radiance.fresnel import dielectric
 from ..radiance.reflectance import coat_index
-from ..types import Array, Samples
+from ..types import Array, Light, Samples
 from .gloss import (
     INDEX,
     MATT,
@@ -39,6 +40,8 @@ _EXACT = 0.02  # of what is left over in units of that: no surface is explained 
 _TOGETHER = 8.0  # samples that err together, as neighbours do, and count as one
 _GAIN = 10.0  # of the Bayesian criterion: very strong evidence
 _SHARE = 0.04  # of the radiance that must be highlight where the highlight is strongest
+_CREST = 0.25  # of what mirroring the light straight to the viewer would show: of less, only a highlight's foot is seen
+_CRESTS = 8  # samples where the highlight is strongest, of which one must show as much
 _AS_LIKELY = 4.0  # twice a difference in log likelihood: two deviations
 _SURE = 0.3  # of a width's logarithm: a wider interval (two deviations to either side) says too little
 _LIT = 0.99  # visible share of a light that counts as all of it
@@ -102,7 +105,7 @@ class GlossFit:
             return replace(MATT, model=self.model, evidence=evidence)
         likely = [x for x in tried if worse(tried[x].left) < _AS_LIKELY]
         sure = max(likely) - min(likely) < _SURE
-        seen = strength is not None or best.share > _SHARE
+        seen = strength is not None or (best.share > _SHARE and self._crest(float(np.exp(at))) > _CREST)
         evident = bool(sure and seen and evidence > _GAIN)
         if usual is not None and not evident and worse(self.at(usual, strength).left) < _AS_LIKELY:
             at = np.log(usual)
@@ -145,6 +148,16 @@ class GlossFit:
         if width not in self._mirrored:
             self._mirrored[width] = lobe_integrals(self.samples, self.lit, Gloss(_USUAL[self.model], width, self.model))
         return self._mirrored[width] @ self.lit.strengths
+
+    def _crest(self, width: float) -> float:
+        """How much of a highlight's middle is seen: of a foot alone, strength and width are told by what errs there."""
+        shown = self._usual(width).sum(axis=1)
+        top = np.argsort(shown)[-_CRESTS:]
+        some, lit = subset(self.samples, top), self.lit.of(top)
+        way = some.view + towards(_strongest(lit), some.point)
+        facing = replace(some, normal=way / np.linalg.norm(way, axis=1, keepdims=True))
+        most = lobe_integrals(facing, lit, Gloss(_USUAL[self.model], width, self.model)) @ lit.strengths
+        return float(np.max(shown[top] / np.maximum(most.sum(axis=1), 1e-300)))
 
     def _parts(self, base: Array, width: float, strength: float) -> tuple[Array, Array]:
         """(1 - c) D and S, each (N, 3), given what the usual coat mirrors of the lights."""
@@ -206,6 +219,9 @@ def _incidence(samples: Samples, lit: Lit) -> Array:
     """Cosine (N,) at which a facet mirrors the strongest light to the viewer."""
     if not len(samples):
         return np.ones(0)
-    strongest = lit.lights[int(np.argmax(lit.strengths.sum(axis=1) * lit.shading.mean(axis=0)))]
-    between = np.einsum("ij,ij->i", towards(strongest, samples.point), samples.view)
+    between = np.einsum("ij,ij->i", towards(_strongest(lit), samples.point), samples.view)
     return np.sqrt(np.clip((1 + between) / 2, 1e-6, 1.0))
+
+
+def _strongest(lit: Lit) -> Light:
+    return lit.lights[int(np.argmax(lit.strengths.sum(axis=1) * lit.shading.mean(axis=0)))]

@@ -82,6 +82,16 @@ def test_strength_and_width_of_a_highlight(model, strength, width):
     assert found.width == pytest.approx(width, rel=0.04)
 
 
+@pytest.mark.parametrize(("nearest", "evident"), [(-0.4, True), (-0.6, False)])
+def test_the_foot_of_a_highlight_alone_is_not_evident(nearest, evident):
+    """However well it fits: there, what a light's tilt is off by passes for a strong, narrow coat."""
+    samples = plane_and_ball()
+    samples = subset(samples, (samples.surface == 0) & (samples.point[:, 1] < nearest))
+    lit = lit_by(samples, [LIGHT], [[12.0, 12.0, 12.0]], 0.1)
+    found = GlossFit(photographed(samples, lit, [Gloss(0.5, 0.35), MATT]), lit).fit()
+    assert found.evidence > 10 and found.evident == evident
+
+
 @pytest.mark.parametrize("light", [PointLight(LIGHT.centre, np.ones(3)), SunLight(LIGHT.normal, np.ones(3))])
 def test_lights_without_extent(light):
     samples = plane_and_ball()
