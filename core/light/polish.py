@@ -24,7 +24,8 @@ from .refinement import refined
 from .regions import regions
 from .sight import Asked, Sight, fields_along
 
-_LAST_RAYS = 1024  # of the last steps: less noise than 1 % of what a penumbra shows
+_LAST_RAYS = 1024  # of the last steps but two: less noise than 1 % of what a penumbra shows
+_VERY_LAST_RAYS, _VERY_LAST_STEPS = 4096, 2  # where steps are small, and each costs but one look: a third of that noise
 _LAST_OPEN_RAYS = 512  # of openness, whose noise with fewer is that of a per cent of an ambient of 6 %
 _WORTH_IT = 64  # rays a sample, for last steps to be taken: a photo explained to 2 % or so
 _LAST_SAMPLES = 4000  # half of them in penumbrae: their rays are what takes time
@@ -81,7 +82,10 @@ def finished(sight: Sight, here: Asked, fit: LightFit, effort: Effort) -> Genera
     if effort.last_steps and rays_worth(fit, problem, _LAST_RAYS) >= _WORTH_IT:
         few = here.first(_LAST_SAMPLES).opened(sight, _LAST_OPEN_RAYS).problem(sight, _LAST_SAMPLES, _LAST_RAYS)
         last = refined(few, fit, iterations=effort.last_steps)
-        fit, problem = (yield from watched(last, 0.0, 0.9, "Asking penumbrae with more rays")), few
+        fit, problem = (yield from watched(last, 0.0, 0.4, "Asking penumbrae with more rays")), few
+        many = replace(few, rays=_VERY_LAST_RAYS)
+        very_last = refined(many, fit, iterations=_VERY_LAST_STEPS)
+        fit = yield from watched(very_last, 0.4, 0.9, "Asking penumbrae with more rays")
     yield Progress(0.9, "Finding out how sure this is")
     problem, around = here.apart(problem, fit.around)
     return replace(fit, covariance=with_covariance(problem, replace(fit, around=around)).covariance)

@@ -199,6 +199,12 @@ def cost(problem: Problem, state: State, expected: Array) -> float:
     return float((weight * 2 * (np.sqrt(1 + z) - 1)).sum() / weight.sum())
 
 
+def cost_deviation(problem: Problem, state: State, expected: Array) -> float:
+    """Compute the standard deviation of `cost` that comes of few shadow rays, to first order."""
+    pull = _loss_weight(problem, state, expected) * state.residual(problem)
+    return float(2 / _LOSS_SCALE**2 * np.sqrt((pull**2 * ray_variance(problem, state)).sum()) / len(pull))
+
+
 def negative_log_likelihood(problem: Problem, state: State, spread: Array) -> float:
     """Compute the mean negative log likelihood of the residual, up to a constant, given its spread (N,)."""
     scale = np.average(np.log(spread), weights=problem.samples.weight)

@@ -38,4 +38,4 @@ def test_a_photo_explained_to_a_hundredth_is_worth_last_steps(ball, monkeypatch,
     drain(polish.finished(sight, here, fit, EFFORT))
     worth = rays_worth(fit, problem, 10_000)
     assert (64 <= worth < 128) if taken else worth < 64
-    assert asked_for == ([1024] if taken else [])
+    assert asked_for == ([1024, 4096] if taken else [])

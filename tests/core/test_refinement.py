@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import least_squares
 
 from core.light.fit import at_rest, fit_light, with_covariance
-from core.light.problem import Problem, brightness
+from core.light.problem import Problem, brightness, cost, cost_deviation, ray_variance
 from core.light.refinement import _expected, damped_steps, refined
 from core.photo.samples import choose_samples, extent_of
 from core.progress import drain
@@ -67,6 +67,18 @@ def test_the_end_without_shadows_is_the_end(ball):
     # Steps end where two in a row lower the loss by 1e-4 of it: a fraction of a deviation.
     deviation = np.sqrt(np.diag(with_covariance(problem, fit).covariance)[:3])
     assert (np.abs(found.x[:3]) < 0.2 * deviation).all()
+
+
+def test_how_far_rays_err_in_the_loss(ball):
+    """Against the spread of the loss when every sample's visible share errs by chance as rays make it."""
+    problem = problem_of(ball, ball.photo(ball.light(), noise=0.01), 64)
+    state = problem.start(ball.light())
+    expected, rng = _expected(problem, state), np.random.default_rng(0)
+    lit = np.exp(state.log_c)[problem.samples.surface] * state.shade
+    off = np.divide(np.sqrt(ray_variance(problem, state)), lit, out=np.zeros_like(lit), where=lit > 0)
+    drawn = [replace(state, share=state.share + off * rng.normal(size=off.shape)) for _ in range(400)]
+    spread = np.std([cost(problem, one, expected) for one in drawn])
+    assert cost_deviation(problem, state, expected) == pytest.approx(spread, rel=0.1)
 
 
 @pytest.mark.parametrize("damping", [0.0, 1e-2, 1e3])
