@@ -4,7 +4,9 @@ Three things make a light err, and none of them is the noise of independent pixe
 
 - What a model has wrong is wrong in the same way all over a patch of the photo, be the patch small or as large as a
   surface. Residuals' pull on the unknowns is summed over patches of several sizes and over surfaces (the sandwich of
-  Huber 1967, by cluster: Liang & Zeger 1986), and each unknown gets the largest deviation.
+  Huber 1967, by cluster: Liang & Zeger 1986), and each unknown gets the largest deviation. What the fit could make up
+  for, by an error of its own, is not among the residuals: where others show that something is wrong, as much again
+  counts as hidden.
 - Slopes of shadows are told by few rays. Their noise adds to J' J as if it were knowledge,
   most where there is least. Slopes are made twice, with different rays; only products of one with the other count.
 - The fit itself met noise of its rays. How far it would go on if it were given others is part of how far it is off.
@@ -28,7 +30,6 @@ _LEAST_REAL = 0.02  # of the information in a direction; what is found to be les
 _NORMAL = 1.6449  # of a normal distribution what `stdtrit` is of Student's
 _LEAST_FREEDOM = 2.0
 _BY_CHANCE = 2.0  # times the variance of independent residuals: what the largest of several kinds of patches may reach
-_STEP_COUNTS = 0.45  # of a step that other rays would take: they err too, and patches hold a part of it already
 # What is known of any light before there is a photo, deviations in the coordinates of `lights.moved`: it is about as
 # far away as it seems, does not shine backwards, and its sides are no more than an order of magnitude off.
 _MOST = {
@@ -42,7 +43,7 @@ _MOST_STRENGTH = 3.0  # of a logarithm
 def covariance(problem: Problem, state: State, expected: Array) -> Array:
     """Estimate the covariance of (light, log c, around) at a minimum, (P + S + K, P + S + K).
 
-    expected : (N,) deviation of each residual as the fit weighed it
+    expected : (N,) deviation of each residual
     """
     weight = _loss_weight(problem, state, expected)
     slopes, others = independent(problem, state, max(RAYS, problem.rays))
@@ -52,10 +53,10 @@ def covariance(problem: Problem, state: State, expected: Array) -> Array:
     scaled = usual * (weight * expected)[:, None] @ inverse
     alone = scaled.T @ scaled
     influence = usual * (weight * state.residual(problem))[:, None] @ inverse  # (N, P): what each sample moves
-    variance = _together(influence, scaled, problem.samples)
+    variance = _together(influence, scaled, problem.samples, coordinates(state.light))
     # The slopes of one set of rays, the residual of the other: both together would pull by what they share.
     pull = 0.5 * (slopes[0].T @ (weight * others[1]) + slopes[1].T @ (weight * others[0]))
-    variance = variance + (_STEP_COUNTS * pull @ inverse) ** 2
+    variance = variance + (pull @ inverse) ** 2
     most = np.concatenate([_MOST[type(state.light)], np.full(len(variance) - coordinates(state.light), _MOST_STRENGTH)])
     variance = 1 / (1 / np.maximum(variance, 1e-300) + 1 / most**2)
     grow = np.sqrt(variance / np.maximum(np.diag(alone), 1e-300))
@@ -101,12 +102,14 @@ def patches(samples: Samples, cells: int) -> NDArray[np.intp]:
     return np.unique(key, return_inverse=True)[1]
 
 
-def _together(influence: Array, expected: Array, samples: Samples) -> Array:
+def _together(influence: Array, expected: Array, samples: Samples, places: int) -> Array:
     """Variance (P,) of the sum of influences (N, P), those of a patch or of a surface belonging together.
 
     expected : (N, P) deviations of the influences by themselves
-    The largest of all kinds of patches. A variance that few patches tell is itself uncertain: where patches show that
-    residuals do belong together, it is widened as Student's t is (degrees of freedom of Satterthwaite 1946).
+    places : so many of P are where and how large a light is
+    The largest of all kinds of patches, and up to twice that deviation where these show of any place that the model
+    errs. A variance that few patches tell is itself uncertain: where patches show that residuals do belong together,
+    it is widened as Student's t is (degrees of freedom of Satterthwaite 1946).
     """
     alone = (expected**2).sum(axis=0)
     plain, widened = [alone], [alone]
@@ -120,7 +123,8 @@ def _together(influence: Array, expected: Array, samples: Samples) -> Array:
         widened.append(plain[-1] * (stdtrit(np.maximum(freedom, _LEAST_FREEDOM), 0.95) / _NORMAL) ** 2)
     most = np.max(plain, axis=0)
     evident = np.clip(1 - _BY_CHANCE * alone / np.maximum(most, 1e-300), 0.0, 1.0)
-    return most + evident * (np.max(widened, axis=0) - most)
+    hidden = float(evident[:places].max())
+    return (1 + hidden) ** 2 * (most + evident * (np.max(widened, axis=0) - most))
 
 
 def independent(problem: Problem, state: State, rays: int) -> tuple[Array, Array]:

@@ -14,6 +14,7 @@ import numpy as np
 
 from ..radiance.lights import coordinates, moved, reach_of
 from ..types import Array, Light, Samples
+from ..weighted import usual_spread, weighted_quantile
 from .covariance import covariance
 from .problem import (
     RAY_NOISE,
@@ -23,10 +24,9 @@ from .problem import (
     brightness,
     cost,
     expected_residual,
+    likeliest_residual,
     normal_equations,
     score,
-    usual_spread,
-    weighted_quantile,
 )
 
 _LARGEST_STEP = 0.5  # in the coordinates of `moved`
@@ -220,7 +220,7 @@ def at_rest(fit: LightFit, problem: Problem) -> State:
 def with_covariance(problem: Problem, fit: LightFit) -> LightFit:
     """A fit to `problem` with how sure it is, which takes as long to say as some steps of the fit."""
     state = at_rest(fit, problem)
-    sure = covariance(problem, state, expected_residual(problem, state))
+    sure = covariance(problem, state, likeliest_residual(problem, state))
     # One overall log strength: the mean over the samples, each of its own surface.
     size, surfaces = coordinates(fit.light), len(fit.strength)
     combine = np.zeros((size + 1, len(sure)))

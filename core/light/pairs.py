@@ -15,9 +15,10 @@ import numpy as np
 from ..effort import Effort
 from ..photo.samples import first
 from ..types import Array, Light
+from ..weighted import several_terms
 from .cues import grid
 from .fit import LightFit, at_rest
-from .problem import brightness, several_terms
+from .problem import brightness
 from .sight import Asked, Sight
 from .starts import Judge, find_starts, left_over
 

@@ -17,6 +17,7 @@ from ..radiance.light_edges import shadowed_gradient
 from ..radiance.lights import across, farthest_apart, moved, reach_of, shading, shading_gradient
 from ..radiance.visibility import settled, visible_fractions
 from ..types import AreaLight, Array, Light, PointLight, Samples, SunLight, Visible
+from ..weighted import several_terms, usual_spread, weighted_quantile
 
 # Smallest steps for the derivative of visibility, in the coordinates of `moved`: they move a shadow by about a pixel.
 # Sizes are probed towards smaller ones: a light too large blurs all edges, and a larger one would tell it nothing.
@@ -29,6 +30,7 @@ WIDEST_PROBE = 5.0  # times that: as far as a shadow is looked for from where it
 _NO_STRENGTH = 1e-300  # of a surface that the light does not reach
 _SMALLEST_SPREAD = 1e-4  # of the median brightness
 _NEVER_LESS = 0.1  # of the mean brightness: what a spread that goes with brightness is made up of in the dark
+_RISING = 0.0, 0.5, 1.0  # of noise with brightness: none, photons, texture
 _SPREAD_ROUNDS = 30  # of the fixed point that the likeliest spread is
 _REWEIGHTED = 3  # times that a linear solution is made anew, outliers counting less
 RAY_NOISE = -1.5  # power of their number that the variance of rays goes with: spread over a light, not by chance
@@ -180,18 +182,6 @@ def ray_variance(problem: Problem, state: State) -> Array:
     return np.asarray(lit**2 * state.share * (1 - state.share) * float(problem.rays) ** RAY_NOISE)
 
 
-def weighted_quantile(values: Array, weights: Array, share: float) -> float:
-    """The value (N,) that `share` of the weights (N,) stay at or below."""
-    order = np.argsort(values)
-    total = np.cumsum(weights[order])
-    return float(values[order][min(np.searchsorted(total, share * total[-1]), len(values) - 1)])
-
-
-def usual_spread(off: Array, weights: Array) -> float:
-    """The deviation of a normal distribution of which nine in ten are as little off: of sizes (N,), weights (N,)."""
-    return weighted_quantile(off, weights, 0.9) / 1.6449
-
-
 def cost(problem: Problem, state: State, expected: Array) -> float:
     """Compute the mean soft-L1 loss of the residual in units of the expected one."""
     z = (state.residual(problem) / (_LOSS_SCALE * expected)) ** 2
@@ -238,6 +228,12 @@ def spread_of(problem: Problem, state: State, rising: float = 0.0) -> Array:
         soft = square / np.sqrt(1 + square / (_LOSS_SCALE * spread[samples.surface]) ** 2)
         spread = np.maximum(np.sqrt(surface_means(samples, soft)), smallest)
     return np.asarray(spread[samples.surface] * unit)
+
+
+def likeliest_residual(problem: Problem, state: State) -> Array:
+    """Compute each residual's deviation (N,): the likeliest spread, as it goes with brightness, and what rays add."""
+    rising = min(_RISING, key=lambda power: score(problem, state, power))
+    return np.sqrt(spread_of(problem, state, rising) ** 2 + ray_variance(problem, state))
 
 
 def _smallest_spread(problem: Problem) -> float:
@@ -308,16 +304,3 @@ def _visibility_slope(problem: Problem, state: State, reach: float) -> Array:
         slope[:, 0] -= slope[:, 3]
         slope[:, :3] = slope[:, :3] @ ways
     return np.asarray(slope)
-
-
-def several_terms(terms: Array, y: Array, weight: Array) -> Array:
-    """Weighted least squares y = terms p with p >= 0: terms (N, K + 1), p (K + 1,)."""
-    from scipy.optimize import nnls
-
-    root = np.sqrt(weight)
-    size = np.sqrt((weight[:, None] * terms**2).sum(axis=0))
-    there = size > 0
-    out = np.zeros(terms.shape[1])
-    if there.any():
-        out[there] = nnls(root[:, None] * terms[:, there] / size[there], root * y)[0] / size[there]
-    return out

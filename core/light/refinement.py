@@ -17,11 +17,10 @@ import numpy as np
 from ..radiance.lights import coordinates, moved, reach_of
 from ..types import Array
 from .fit import LightFit, at_rest, result_of
-from .problem import Problem, State, cost, cost_deviation, normal_equations, ray_variance, score, spread_of
+from .problem import Problem, State, cost, cost_deviation, likeliest_residual, normal_equations
 
 _LARGEST_STEP = 0.15  # in the coordinates of `moved`
 _LARGEST_LOG_STEP = 1.0  # of a strength
-_RISING = 0.0, 0.5, 1.0  # of noise with brightness: none, photons, texture
 _DAMPING = 1e-4  # of the first step: the fit is near its end
 _TRIALS = 5  # of a step, each ten times as damped
 _SETTLED = 1e-4  # of the loss: two steps in a row that lower it by less are the last
@@ -35,7 +34,7 @@ def refined(problem: Problem, fit: LightFit, *, iterations: int) -> Generator[fl
     state = at_rest(fit, problem)
     damping, quiet, converged, done = _DAMPING, 0, False, 0
     for done in range(1, iterations + 1):  # noqa: B007 - `done` is read after the loop
-        expected = _expected(problem, state)
+        expected = likeliest_residual(problem, state)
         before = cost(problem, state, expected)
         found, damping = _stepped(problem, state, expected, damping)
         if found is None:
@@ -85,12 +84,6 @@ def damped_steps(matrix: Array, pull: Array, damping: float, places: int) -> tup
 
 def _damped(matrix: Array, pull: Array, diagonal: Array) -> Array:
     return np.asarray(np.linalg.lstsq(matrix + np.diag(diagonal), pull, rcond=None)[0])
-
-
-def _expected(problem: Problem, state: State) -> Array:
-    """Each residual's deviation (N,), which goes with brightness by the power that makes the residuals likeliest."""
-    rising = min(_RISING, key=lambda power: score(problem, state, power))
-    return np.sqrt(spread_of(problem, state, rising) ** 2 + ray_variance(problem, state))
 
 
 def _moved(problem: Problem, state: State, step: Array) -> State:

@@ -241,7 +241,7 @@ def in_view(light: Light, camera: Camera, buffers: Buffers) -> bool:
 def _two_terms(
     direct: Array, ambient: Array, y: Array, weight: Array, surface: NDArray[np.int32], count: int
 ) -> tuple[Array, Array]:
-    """`problem.several_terms` of all surfaces at once: (S,) factors of direct and of ambient, none negative."""
+    """`weighted.several_terms` of all surfaces at once: (S,) factors of direct and of ambient, none negative."""
 
     def total(value: Array) -> Array:
         return np.asarray(np.bincount(surface, weight * value, count), dtype=np.float64)

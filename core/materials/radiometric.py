@@ -17,9 +17,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..light.problem import usual_spread, weighted_quantile
 from ..photo.samples import surface_means
 from ..types import Array, Mask, Samples
+from ..weighted import usual_spread, weighted_quantile
 
 LARGEST_ALBEDO = 0.8
 SCALE = "largest albedo channel 0.8, first light white: only strength times albedo can be seen"

@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import ReshadeError
-from ..light.problem import weighted_quantile
 from ..types import Array, Samples
+from ..weighted import weighted_quantile
 from .radiometric import SCALE, Radiometry
 
 _DARKEST, _BRIGHTEST = 0.3, 0.98  # the brightest albedo of a scene, for its scale to be believed

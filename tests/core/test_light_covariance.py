@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from core.light.covariance import covariance, information, patches
+from core.light.covariance import _together, covariance, information, patches
 from core.light.fit import fit_light, with_covariance
 from core.light.problem import Problem, brightness
 from core.light.uncertainty import INTERVAL, uncertainty_of
@@ -52,6 +52,22 @@ def test_patches_hold_one_surface_and_no_more_than_a_cell(ball, cells):
         assert len(np.unique(samples.surface[inside])) == 1
         reach = np.ptp(samples.pixel[inside], axis=0)
         assert (reach <= np.ceil(np.ptp(samples.pixel, axis=0).max() / cells) + 1).all()
+
+
+@pytest.mark.parametrize(("together", "wider"), [(0.0, 1.0), (3.0, 2.0)])
+def test_where_one_number_shows_that_the_model_errs_all_are_less_sure(ball, together, wider):
+    """Of the first, influences of a patch have a part in common; those of the second are by chance alone."""
+    samples = choose_samples(ball.photo(ball.light()), ball.camera, ball.buffers, 1500)
+    patch, deviations = patches(samples, 6), []
+    for seed in range(15):
+        rng = np.random.default_rng(seed)
+        influence = rng.normal(size=(len(samples), 2))
+        influence[:, 0] += together * rng.normal(size=patch.max() + 1)[patch]
+        influence -= influence.mean(axis=0)  # as at a minimum
+        deviations.append(np.sqrt(_together(influence, np.ones_like(influence), samples, places=2) / len(samples)))
+    first, second = np.median(deviations, axis=0)
+    assert second == pytest.approx(wider, rel=0.25)
+    assert (first > 5) == bool(together)
 
 
 def test_a_photo_that_shows_nothing_leaves_what_is_known_of_any_light(ball):

@@ -13,12 +13,12 @@ from core.light.problem import (
     brightness,
     expected_residual,
     model_jacobian,
-    weighted_quantile,
 )
 from core.photo.samples import choose_samples, extent_of
 from core.progress import drain
 from core.radiance.lights import moved, reach_of, shading
 from core.types import AreaLight, Photo, PointLight, SunLight
+from core.weighted import weighted_quantile
 
 COUNT = 240
 
@@ -161,8 +161,8 @@ def test_an_error_that_is_the_same_all_over_a_patch_widens_the_deviations(ball):
         rng = np.random.default_rng(seed)
         alone, together = rng.normal(size=len(patch)), rng.normal(size=patch.max() + 1)[patch]
         ratios.append(deviations(together) / deviations(alone))
-    # Three samples a patch: about the root of three, and wider where few patches tell it.
-    assert 1.15 < np.mean(ratios) < 2.1
+    # Three samples a patch: about the root of three, wider where few patches tell it, twice that for what is hidden.
+    assert 1.7 < np.mean(ratios) < 4.2
 
 
 def test_what_is_expected_of_a_residual_is_its_spread_on_each_surface(ball):
