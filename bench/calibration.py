@@ -76,10 +76,11 @@ def measured(number: int, kind: str, blind: bool, quality: str) -> dict:
     start = None if blind else wrong(made.light, rng)
     model = "auto" if blind else "area"
     found = drain(search(sight, samples, effort, model=model, start=start, solver="trust-region"))
+    if found is not None:
+        found = replace(found, fit=drain(finished(sight, found.asked, found.fit, effort)))
     out: dict = {"number": number, "blind": blind, "processor": time.process_time() - started}
     if found is None or not isinstance(found.fit.light, AreaLight):
         return out | {"chosen": None if found is None else found.name}
-    found = replace(found, fit=drain(finished(sight, found.asked, found.fit, effort)))
     bounded = kind == "percent" and number % DRAWS == 1  # which takes longer than the fit
     return out | compared(made, found, sight.middle, with_bound=bounded)
 
