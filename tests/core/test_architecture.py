@@ -14,7 +14,7 @@ ROOT = Path(__file__).resolve().parents[2]
 # two modules may need each other. Put a new one on the earliest line it can stand on.
 STAGES = (
     ("effort", "errors", "types"),
-    ("camera", "color", "progress"),
+    ("camera", "color", "progress", "weighted"),
     ("radiance",),  # what lights send and surfaces make of it
     ("photo",),  # what a photo shows before any light is known
     ("highlights",),
