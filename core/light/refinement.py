@@ -27,16 +27,17 @@ _SETTLED = 1e-4  # of the loss: two steps in a row that lower it by less are the
 
 
 def refined(problem: Problem, fit: LightFit, *, iterations: int) -> Generator[float, None, LightFit]:
-    """Take the last steps from a fit; a generator that yields the mean loss after each and returns the better fit.
+    """Take the last steps from a fit; a generator that yields the mean loss after each and returns what they lead to.
 
-    problem : what the fit was made to, with many rays; iterations : most steps to take
+    problem : what the fit was made to, with many rays
+    iterations : most steps to take; where the last of them gains no more than rays err by, the fit has converged, too
     """
     state = at_rest(fit, problem)
     damping, quiet, converged, done = _DAMPING, 0, False, 0
     for done in range(1, iterations + 1):  # noqa: B007 - `done` is read after the loop
         expected = likeliest_residual(problem, state)
-        before = cost(problem, state, expected)
-        found, damping = _stepped(problem, state, expected, damping)
+        before, error = cost(problem, state, expected), cost_deviation(problem, state, expected)
+        found, damping = _stepped(problem, state, expected, before + error, damping)
         if found is None:
             converged = True
             break
@@ -44,16 +45,17 @@ def refined(problem: Problem, fit: LightFit, *, iterations: int) -> Generator[fl
         state, damping = found, 0.2 * damping
         yield after
         quiet = quiet + 1 if before - after < _SETTLED * before else 0
+        converged = quiet == 2 or before - after < error
         if quiet == 2:
-            converged = True
             break
     return result_of(problem, state, fit.iterations + done, converged)
 
 
-def _stepped(problem: Problem, state: State, expected: Array, damping: float) -> tuple[State | None, float]:
-    """The state after a step that raises the loss by no more than rays err, None where none does, and its damping."""
+def _stepped(
+    problem: Problem, state: State, expected: Array, most: float, damping: float
+) -> tuple[State | None, float]:
+    """The state after a step that leaves less than `most` of the loss, None where none does, and its damping."""
     matrix, rise = normal_equations(problem, state, expected)
-    most = cost(problem, state, expected) + cost_deviation(problem, state, expected)
     for _ in range(_TRIALS):
         for step in damped_steps(matrix, -rise, damping, coordinates(state.light)):
             trial = _moved(problem, state, step)
