@@ -80,12 +80,12 @@ def finished(sight: Sight, here: Asked, fit: LightFit, effort: Effort) -> Genera
     """The polished fit after its last steps, if the effort has any and the photo is worth them, and how sure it is."""
     problem = here.problem(sight, len(here.samples), effort.polish_rays)
     if effort.last_steps and rays_worth(fit, problem, _LAST_RAYS) >= _WORTH_IT:
-        few = here.first(_LAST_SAMPLES).opened(sight, _LAST_OPEN_RAYS).problem(sight, _LAST_SAMPLES, _LAST_RAYS)
-        last = refined(few, fit, iterations=effort.last_steps)
-        fit, problem = (yield from watched(last, 0.0, 0.4, "Asking penumbrae with more rays")), few
-        many = replace(few, rays=_VERY_LAST_RAYS)
-        very_last = refined(many, fit, iterations=_VERY_LAST_STEPS)
-        fit = yield from watched(very_last, 0.4, 0.9, "Asking penumbrae with more rays")
+        problem = here.first(_LAST_SAMPLES).opened(sight, _LAST_OPEN_RAYS).problem(sight, _LAST_SAMPLES, _LAST_RAYS)
+        last = (_LAST_RAYS, effort.last_steps, 0.0, 0.4)
+        very_last = (_VERY_LAST_RAYS, _VERY_LAST_STEPS, 0.4, 0.9)
+        for rays, steps, begin, end in (last, very_last):
+            better = refined(replace(problem, rays=rays), fit, iterations=steps)
+            fit = yield from watched(better, begin, end, "Asking penumbrae with more rays")
     yield Progress(0.9, "Finding out how sure this is")
     problem, around = here.apart(problem, fit.around)
     return replace(fit, covariance=with_covariance(problem, replace(fit, around=around)).covariance)

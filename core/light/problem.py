@@ -232,8 +232,9 @@ def spread_of(problem: Problem, state: State, rising: float = 0.0) -> Array:
 
 def likeliest_residual(problem: Problem, state: State) -> Array:
     """Compute each residual's deviation (N,): the likeliest spread, as it goes with brightness, and what rays add."""
-    rising = min(_RISING, key=lambda power: score(problem, state, power))
-    return np.sqrt(spread_of(problem, state, rising) ** 2 + ray_variance(problem, state))
+    spreads = [spread_of(problem, state, rising) for rising in _RISING]
+    likeliest = min(spreads, key=lambda spread: negative_log_likelihood(problem, state, spread))
+    return np.sqrt(likeliest**2 + ray_variance(problem, state))
 
 
 def _smallest_spread(problem: Problem) -> float:
