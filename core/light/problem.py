@@ -30,7 +30,7 @@ WIDEST_PROBE = 5.0  # times that: as far as a shadow is looked for from where it
 _NO_STRENGTH = 1e-300  # of a surface that the light does not reach
 _SMALLEST_SPREAD = 1e-4  # of the median brightness
 _NEVER_LESS = 0.1  # of the mean brightness: what a spread that goes with brightness is made up of in the dark
-_RISING = 0.0, 0.5, 1.0  # of noise with brightness: none, photons, texture
+RISING = 0.0, 0.5, 1.0  # of noise with brightness: none, photons, texture
 _SPREAD_ROUNDS = 30  # of the fixed point that the likeliest spread is
 _REWEIGHTED = 3  # times that a linear solution is made anew, outliers counting less
 RAY_NOISE = -1.5  # power of their number that the variance of rays goes with: spread over a light, not by chance
@@ -232,7 +232,7 @@ def spread_of(problem: Problem, state: State, rising: float = 0.0) -> Array:
 
 def likeliest_residual(problem: Problem, state: State) -> Array:
     """Compute each residual's deviation (N,): the likeliest spread, as it goes with brightness, and what rays add."""
-    spreads = [spread_of(problem, state, rising) for rising in _RISING]
+    spreads = [spread_of(problem, state, rising) for rising in RISING]
     likeliest = min(spreads, key=lambda spread: negative_log_likelihood(problem, state, spread))
     return np.sqrt(likeliest**2 + ray_variance(problem, state))
 

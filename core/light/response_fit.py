@@ -14,14 +14,13 @@ import numpy as np
 from ..types import Array
 from .fit import LightFit, at_rest, fit_light
 from .model_choice import independent_count
-from .problem import Problem, score
+from .problem import RISING, Problem, score
 
 _TRIED = (0.7, 1.0, 1.4)
 _BEYOND = {0.7: 0.5, 1.4: 2.0}  # is tried where that is the best of them
 _NARROWER = (1.2, 1.1)  # factors between exponents that are tried around the best
 _HALFWAY = 0.5  # to what is clear: where the first of them brings no more, the next is not asked
 _STEPS = 6  # of the light's fit at each
-_RISING = (0.0, 0.5, 1.0)  # powers of brightness that a spread goes with
 _DARKEST = 1e-3  # of the median: below, a logarithm says nothing
 _PLAUSIBLE = 1.8  # no tone curve of a camera is as far from its file's: something else is not modelled
 _CLEAR = 0.1  # of negative log likelihood a sample: models are never exact
@@ -73,7 +72,7 @@ def _fitted(problem: Problem, fit: LightFit, exponent: float) -> Generator[float
     powered = _powered(problem, exponent)
     found = yield from fit_light(powered, fit.light, iterations=_STEPS)
     state = at_rest(found, powered)
-    return found, min(score(powered, state, rising) for rising in _RISING)
+    return found, min(score(powered, state, rising) for rising in RISING)
 
 
 def _powered(problem: Problem, exponent: float) -> Problem:
