@@ -18,7 +18,8 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
-from ..core.light.problem import Problem, State, brightness, model_jacobian
+from ..core.light.problem import Problem, State, brightness
+from ..core.light.slopes import model_jacobian
 from ..core.photo.samples import choose_samples, extent_of
 from ..core.pipeline import solve
 from ..core.progress import drain

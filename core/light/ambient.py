@@ -24,8 +24,10 @@ from ..photo.segmentation import Labels
 from ..radiance.lights import coordinates
 from ..types import Array, Samples
 from .fit import Descent, descended, stepped
+from .loss import LOSS_SCALE, cost, loss_weight, score, spread_of
 from .model_choice import independent_count
-from .problem import _LOSS_SCALE, Problem, State, _loss_weight, cost, normal_equations, score, spread_of
+from .problem import Problem, State
+from .slopes import normal_equations
 
 CONSTANT, BY_REGION, SMOOTH = "constant", "per region", "smooth"
 NAMES = {BY_REGION: "ambient by region", SMOOTH: "smooth ambient"}
@@ -198,7 +200,7 @@ def fitted(
         return matrix + held, slope + held[:, -levels:] @ one.around
 
     def total(one: State, expected: Array) -> float:
-        return cost(wider, one, expected) + float(((rows @ one.around) ** 2).sum()) / (found.told * _LOSS_SCALE**2)
+        return cost(wider, one, expected) + float(((rows @ one.around) ** 2).sum()) / (found.told * LOSS_SCALE**2)
 
     descent = Descent(
         expected=lambda one: spread_of(wider, one),  # what `score` goes by, for the fits are held against one another
@@ -228,7 +230,7 @@ def _once_more(
     terms = np.concatenate([c[:, None] * slopes, by_log_c, c[:, None] * problem.around], axis=1)
     before = np.concatenate([step, np.zeros(surfaces), now.around])
     # As many residuals as are independent: against what is expected of the levels the rest would count double.
-    weight = _loss_weight(problem, now, spread_of(problem, now)) * told / len(samples)
+    weight = loss_weight(problem, now, spread_of(problem, now)) * told / len(samples)
     root = np.sqrt(weight)[:, None]
     size = np.maximum(np.linalg.norm(np.vstack([root * terms, small]), axis=0), 1e-300)
     rows = np.vstack(

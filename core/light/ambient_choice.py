@@ -18,10 +18,12 @@ from ..radiance.lights import coordinates, resized
 from ..types import AreaLight, Array, Candidate, Progress, Samples
 from .ambient import NAMES, Ambient, Basis, Solved, by_region, constant, fitted, gain, smooth_bases, solved
 from .fit import LightFit, at_rest
+from .loss import score
 from .model_choice import independent_count
 from .polish import heard, polished
-from .problem import Problem, State, model_jacobian, score
+from .problem import Problem, State
 from .sight import Asked, Sight
+from .slopes import model_jacobian
 
 _GAIN = 10.0  # of the Bayesian criterion: very strong evidence
 _MUCH = 0.003  # of the mean brightness, root mean square: what a richer ambient has to explain

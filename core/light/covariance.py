@@ -21,7 +21,9 @@ from scipy.special import stdtrit
 from ..photo.samples import subset
 from ..radiance.lights import coordinates
 from ..types import AreaLight, Array, PointLight, Samples, SunLight
-from .problem import Problem, State, _loss_weight, model_jacobian
+from .loss import loss_weight
+from .problem import Problem, State
+from .slopes import model_jacobian
 
 RAYS = 64  # a sample, at least, of slopes and of the residual that is compared with the fit's
 CELLS = (12, 6, 4, 3)  # of the photo's longer side: patches from small to large
@@ -45,7 +47,7 @@ def covariance(problem: Problem, state: State, expected: Array) -> Array:
 
     expected : (N,) deviation of each residual
     """
-    weight = _loss_weight(problem, state, expected)
+    weight = loss_weight(problem, state, expected)
     slopes, others = independent(problem, state, max(RAYS, problem.rays))
     usual = slopes.mean(axis=0)
     to_power, back = _powers(state)

@@ -16,18 +16,10 @@ from ..radiance.lights import coordinates, moved, reach_of
 from ..types import Array, Light, Samples
 from ..weighted import usual_spread, weighted_quantile
 from .covariance import covariance
-from .problem import (
-    RAY_NOISE,
-    WIDEST_PROBE,
-    Problem,
-    State,
-    brightness,
-    cost,
-    expected_residual,
-    likeliest_residual,
-    normal_equations,
-    score,
-)
+from .linear import started
+from .loss import RAY_NOISE, cost, expected_residual, likeliest_residual, score
+from .problem import WIDEST_PROBE, Problem, State, brightness
+from .slopes import normal_equations
 
 _LARGEST_STEP = 0.5  # in the coordinates of `moved`
 _PROBE_UNIT = 0.02  # of a step: shadows are probed that much farther for each
@@ -77,7 +69,7 @@ def fit_light(
     Where the steps lead to less likely a light, the start is returned: the loss is blind to samples that no step
     improves.
     """
-    begun = problem.start(start)
+    begun = started(problem, start)
     state, done, converged = yield from descended(
         begun,
         Descent(
@@ -153,12 +145,12 @@ def search_light(problem: Problem, light: Light, *, widest: float, finest: float
     along each coordinate, halved when none is better, go down the stairs.
     """
 
-    best, step = score(problem, problem.start(light)), widest
+    best, step = score(problem, started(problem, light)), widest
     while step >= finest:
         reach, before = reach_of(light, problem.middle), best
         for way in np.vstack([np.eye(coordinates(light)), -np.eye(coordinates(light))]):
             trial = moved(light, step * way, reach)
-            if problem.hidden(trial) and (there := score(problem, problem.start(trial))) < best:
+            if problem.hidden(trial) and (there := score(problem, started(problem, trial))) < best:
                 light, best = trial, there
         yield best
         if best == before:

@@ -8,7 +8,8 @@ from ..radiance.lights import coordinates, reach_of
 from ..types import AreaLight, PointLight, SunLight
 from .covariance import CELLS, patches
 from .fit import LightFit, at_rest
-from .problem import Problem, State, score, spread_of
+from .loss import score, spread_of
+from .problem import Problem, State
 
 # What one light explains and another does not, root mean square of the mean brightness: more is seen, whatever is told.
 _MUCH = 0.01

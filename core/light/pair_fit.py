@@ -12,7 +12,10 @@ import numpy as np
 from ..radiance.lights import coordinates
 from ..types import Array, Light
 from .fit import Descent, LightFit, descended, result_of, stepped_light, stepped_rest
-from .problem import WIDEST_PROBE, Problem, State, by_light, cost, equations, expected_residual, model_jacobian
+from .linear import started
+from .loss import cost, expected_residual
+from .problem import WIDEST_PROBE, Problem, State
+from .slopes import by_light, equations, model_jacobian
 
 _LEAST_RATIO = 1e-6  # of the lights' strengths: with none the other could not be told where to go
 
@@ -37,7 +40,7 @@ def fit_pair(
     nothing = np.zeros(0)
     there = problem.state(other, np.zeros(len(problem.samples.names)), nothing, WIDEST_PROBE)
     beside = _beside(problem, there)
-    both = _Both(beside, beside.start(main), there)
+    both = _Both(beside, started(beside, main), there)
     both, done, converged = yield from descended(
         both,
         Descent(

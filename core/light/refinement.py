@@ -17,7 +17,9 @@ import numpy as np
 from ..radiance.lights import coordinates, moved, reach_of
 from ..types import Array
 from .fit import LightFit, at_rest, result_of
-from .problem import Problem, State, cost, cost_deviation, likeliest_residual, normal_equations
+from .loss import cost, cost_deviation, likeliest_residual
+from .problem import Problem, State
+from .slopes import normal_equations
 
 _LARGEST_STEP = 0.15  # in the coordinates of `moved`
 _LARGEST_LOG_STEP = 1.0  # of a strength
@@ -37,11 +39,10 @@ def refined(problem: Problem, fit: LightFit, *, iterations: int) -> Generator[fl
     for done in range(1, iterations + 1):  # noqa: B007 - `done` is read after the loop
         expected = likeliest_residual(problem, state)
         before, error = cost(problem, state, expected), cost_deviation(problem, state, expected)
-        found, damping = _stepped(problem, state, expected, before + error, damping)
+        found, after, damping = _stepped(problem, state, expected, before + error, damping)
         if found is None:
             converged = True
             break
-        after = cost(problem, found, expected)
         state, damping = found, 0.2 * damping
         yield after
         quiet = quiet + 1 if before - after < _SETTLED * before else 0
@@ -53,16 +54,17 @@ def refined(problem: Problem, fit: LightFit, *, iterations: int) -> Generator[fl
 
 def _stepped(
     problem: Problem, state: State, expected: Array, most: float, damping: float
-) -> tuple[State | None, float]:
-    """The state after a step that leaves less than `most` of the loss, None where none does, and its damping."""
+) -> tuple[State | None, float, float]:
+    """The state after a step that leaves less than `most` of the loss, None where none does; its loss and damping."""
     matrix, rise = normal_equations(problem, state, expected)
     for _ in range(_TRIALS):
         for step in damped_steps(matrix, -rise, damping, coordinates(state.light)):
             trial = _moved(problem, state, step)
-            if cost(problem, trial, expected) < most and problem.hidden(trial.light):
-                return trial, damping
+            left = cost(problem, trial, expected)
+            if left < most and problem.hidden(trial.light):
+                return trial, left, damping
         damping *= 10.0
-    return None, damping
+    return None, most, damping
 
 
 def damped_steps(matrix: Array, pull: Array, damping: float, places: int) -> tuple[Array, Array]:

@@ -13,8 +13,9 @@ import numpy as np
 
 from ..types import Array
 from .fit import LightFit, at_rest, fit_light
+from .loss import RISING, score
 from .model_choice import independent_count
-from .problem import RISING, Problem, score
+from .problem import Problem
 
 _TRIED = (0.7, 1.0, 1.4)
 _BEYOND = {0.7: 0.5, 1.4: 2.0}  # is tried where that is the best of them

@@ -29,9 +29,11 @@ from .cues import diffuse_maxima, grid, highlights, terminators
 from .fit import LightFit, fit_light, search_light
 from .hints import Hint, hinted_lines, turned
 from .hopping import hopped
+from .linear import started
+from .loss import score
 from .model_choice import choose, criterion
 from .polish import enriched, heard, polished, polished_with_regions
-from .problem import Problem, brightness, score
+from .problem import Problem, brightness
 from .regions import divided, regions
 from .second_light import second_light
 from .sight import Asked, Sight, asked
@@ -231,7 +233,7 @@ def _led(
         for light in guesses:
             steps = search_light(dense, light, widest=0.06, finest=1e-3)
             found.append((yield from watched(steps, 0.0, 1.0, f"Looking for the {name} light")))
-        best = min(found, key=lambda light: score(dense, dense.start(light)))
+        best = min(found, key=lambda light: score(dense, started(dense, light)))
         out.append((name, best, time.perf_counter() - since))
     return out
 

@@ -15,7 +15,10 @@ from numpy.typing import NDArray
 from ..radiance.lights import across, coordinates, moved, reach_of
 from ..types import AreaLight, Array, Light, PointLight, SunLight
 from .fit import LightFit, result_of
-from .problem import Problem, State, cost, expected_residual, negative_log_likelihood, normal_equations
+from .linear import started
+from .loss import cost, expected_residual, negative_log_likelihood
+from .problem import Problem, State
+from .slopes import normal_equations
 
 _STEPS_A_ROUND = 20
 _PENALTY = 1e3  # on the square of a negative ratio of what is around
@@ -53,7 +56,7 @@ class Chart:
     @classmethod
     def at(cls, problem: Problem, light: Light) -> "Chart":
         """The chart whose origin is `light` with the strengths that suit it."""
-        start = problem.start(light)
+        start = started(problem, light)
         return cls(problem, start, np.flatnonzero(start.log_c > _ABSENT))
 
     def origin(self) -> Array:

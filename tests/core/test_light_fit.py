@@ -8,12 +8,10 @@ from scipy.spatial.transform import Rotation
 
 from core.light.covariance import CELLS, covariance, patches
 from core.light.fit import fit_light, with_covariance
-from core.light.problem import (
-    Problem,
-    brightness,
-    expected_residual,
-    model_jacobian,
-)
+from core.light.linear import started
+from core.light.loss import expected_residual
+from core.light.problem import Problem, brightness
+from core.light.slopes import model_jacobian
 from core.photo.samples import choose_samples, extent_of
 from core.progress import drain
 from core.radiance.lights import moved, reach_of, shading
@@ -88,7 +86,7 @@ def test_the_jacobian_is_the_slope_of_the_residual(ball, kind):
         "point": PointLight(1.1 * true.centre, np.ones(3)),
         "sun": SunLight(true.normal, np.ones(3)),
     }[kind]
-    state = replace(problem.start(light), around=np.array([0.2]))
+    state = replace(started(problem, light), around=np.array([0.2]))
     jacobian, reach, h = model_jacobian(problem, state), reach_of(light, problem.middle), 1e-5
     size = jacobian.shape[1] - len(state.log_c) - 1
 
@@ -153,7 +151,7 @@ def test_an_error_that_is_the_same_all_over_a_patch_widens_the_deviations(ball):
 
     def deviations(error):
         wrong = replace(problem, brightness=problem.brightness + level * error)
-        state = wrong.start(true)
+        state = started(wrong, true)
         return np.sqrt(np.diag(covariance(wrong, state, expected_residual(wrong, state)))[:8])
 
     ratios = []
@@ -172,7 +170,7 @@ def test_what_is_expected_of_a_residual_is_its_spread_on_each_surface(ball):
     sigma = np.where(surface == 0, 0.01, 0.03) * problem.brightness.mean()
     noise = sigma * np.random.default_rng(0).normal(size=len(surface))
     problem = replace(problem, brightness=problem.brightness + noise)
-    spread = expected_residual(problem, problem.start(true))
+    spread = expected_residual(problem, started(problem, true))
     for s in (0, 1):
         assert spread[surface == s][0] == pytest.approx(noise[surface == s].std(), rel=0.2)
 

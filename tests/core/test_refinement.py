@@ -7,7 +7,9 @@ import pytest
 from scipy.optimize import least_squares
 
 from core.light.fit import at_rest, fit_light, with_covariance
-from core.light.problem import Problem, brightness, cost, cost_deviation, likeliest_residual, ray_variance
+from core.light.linear import started
+from core.light.loss import cost, cost_deviation, likeliest_residual, ray_variance
+from core.light.problem import Problem, brightness
 from core.light.refinement import damped_steps, refined
 from core.photo.samples import choose_samples, extent_of
 from core.progress import drain
@@ -76,7 +78,7 @@ def test_the_end_without_shadows_is_the_end(ball):
 def test_how_far_rays_err_in_the_loss(ball):
     """Against the spread of the loss when every sample's visible share errs by chance as rays make it."""
     problem = problem_of(ball, ball.photo(ball.light(), noise=0.01), 64)
-    state = problem.start(ball.light())
+    state = started(problem, ball.light())
     expected, rng = likeliest_residual(problem, state), np.random.default_rng(0)
     lit = np.exp(state.log_c)[problem.samples.surface] * state.shade
     off = np.divide(np.sqrt(ray_variance(problem, state)), lit, out=np.zeros_like(lit), where=lit > 0)

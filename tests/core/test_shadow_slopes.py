@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from core.light.problem import Problem, brightness, by_light
+from core.light.problem import Problem, brightness
+from core.light.slopes import by_light
 from core.photo.samples import choose_samples, extent_of, subset
 from core.radiance.lights import coordinates, moved, reach_of, shading
 from core.radiance.visibility import visible_fraction

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from core.light.fit import fit_light
-from core.light.problem import Problem, cost, expected_residual
+from core.light.linear import started
+from core.light.loss import cost, expected_residual
+from core.light.problem import Problem
 from core.light.search import SOLVERS
 from core.light.thesis_minimisers import Chart, fit_light_bfgs, fit_light_powell
 from core.photo.samples import choose_samples, extent_of
@@ -60,9 +62,9 @@ def test_a_baseline_lowers_the_loss(ball, minimise):
     true = ball.light()
     problem, start = problem_of(ball, true), lights(true)["area"]
     fit = drain(minimise(problem, start, iterations=20))
-    expected = expected_residual(problem, problem.start(start))
+    expected = expected_residual(problem, started(problem, start))
     reached = problem.state(fit.light, np.log(fit.strength), fit.around, 1.0)
-    assert cost(problem, reached, expected) < 0.5 * cost(problem, problem.start(start), expected)
+    assert cost(problem, reached, expected) < 0.5 * cost(problem, started(problem, start), expected)
     assert (fit.around >= 0).all() and fit.iterations <= 20
 
 
