@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from ..core.materials.albedo_map import albedo_map, around, at_outlines, no_brighter, noisy
+from ..core.materials.albedo_map import albedo_map, around, as_where_lit, at_outlines, noisy
 from ..core.materials.continuation import continued
 from ..core.types import Array, Buffers, Camera, Mask, Photo, Progress, Surface
 from . import scene_write
@@ -76,7 +76,7 @@ def albedo_texture(
     parts, albedo = _in_regions(matt, shading, albedo, buffers, pure, solved)
     nearby = around(matt, shading, albedo, parts, pure)
     texture = albedo_map(matt, shading, nearby, noisy(matt, shading, nearby, parts, pure))
-    texture = no_brighter(texture, matt, shading, parts, pure)
+    texture = as_where_lit(texture, matt, shading, parts, pure)
     known = pure & textured[buffers.surface]
     depth = depth_of(view.camera, buffers)
     if not known.any():

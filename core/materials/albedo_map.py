@@ -11,6 +11,8 @@ _DARK = 0.02  # of the usual shading: below it a pixel says little about its alb
 _WINDOWS = (4, 16, 64)  # of the picture's width: the surroundings, far ones first
 _PLAIN = 0.003  # deviation of an albedo that counts as uniform
 _BEYOND = 4.0  # times as much as texture makes a pixel vary: anything more is none
+_DIM = 0.25  # of what a surface shows where it is well lit: photos so dark tell no hue
+_HUES = 0.1, 0.9  # between which most of them are
 _NEAR = 7  # pixels of a window that says how much a photo varies
 
 
@@ -56,20 +58,33 @@ def around(photo: Array, shading: Array, albedo: Array, surface: NDArray[np.int3
     return np.clip(out, 0.0, 1.0)
 
 
-def no_brighter(texture: Array, photo: Array, shading: Array, surface: NDArray[np.int32], known: Mask) -> Array:
-    """Compute a texture (H, W, 3) that is nowhere brighter in a surface's dark parts than in its well lit ones.
+def as_where_lit(texture: Array, photo: Array, shading: Array, surface: NDArray[np.int32], known: Mask) -> Array:
+    """Compute a texture (H, W, 3) whose dark parts are no brighter, and of no other hue, than its well lit ones.
 
     What seems brighter there, such as the inside of a cup that little light is found to reach, is lit by more than the
-    shading knows of; it would outshine everything once an edit lights it. All else as in `around`.
+    shading knows of; it would outshine everything once an edit lights it. And where the photo itself is dark, its hue
+    is that of its rounding and of what other surfaces send, which an edit would spread out as patches of colour.
+    All else as in `around`.
     """
     out, bright = texture.copy(), np.mean(shading**2, axis=2)
     for number in np.unique(surface[surface >= 0]):
         of = surface == number
         lit = _well_lit(bright, of & known)
         if lit.any():
-            most = np.quantile(photo[lit] / np.maximum(shading[lit], 1e-300), BRIGHT_PART, axis=0)
-            out = np.where((of & ~lit)[..., None], np.minimum(out, most), out)
+            seen = photo[lit] / np.maximum(shading[lit], 1e-300)
+            dim = of & ~lit
+            out[dim] = np.minimum(out[dim], np.quantile(seen, BRIGHT_PART, axis=0))
+            dim &= photo.sum(axis=2) < _DIM * np.median(photo[lit].sum(axis=1))
+            out[dim] = _of_hues(out[dim], seen)
     return out
+
+
+def _of_hues(colour: Array, others: Array) -> Array:
+    """Colours (N, 3), as bright as they are, each of a hue that most of the others (M, 3) have."""
+    usual = np.quantile(others / np.maximum(others.sum(axis=1, keepdims=True), 1e-300), _HUES, axis=0)
+    total = colour.sum(axis=1, keepdims=True)
+    hue = np.clip(colour, usual[0] * total, usual[1] * total)
+    return np.asarray(hue * total / np.maximum(hue.sum(axis=1, keepdims=True), 1e-300))
 
 
 def at_outlines(texture: Array, known: Mask, mixed: Mask, reach: int) -> tuple[Array, NDArray[np.float64]]:

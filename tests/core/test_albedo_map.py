@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from core.materials.albedo_map import albedo_map, around, at_outlines, no_brighter, noisy
+from core.materials.albedo_map import albedo_map, around, as_where_lit, at_outlines, noisy
 from core.photo.noise import noise_of
 from core.types import Photo
 
@@ -120,11 +120,31 @@ def test_what_lights_the_dark_unknown_to_the_shading_is_no_albedo():
     photo = pattern * (shading + 0.3 * dark[..., None])
     surface, known = np.zeros(shape, np.int32), np.ones(shape, bool)
     before = albedo_map(photo, shading, pattern)
-    found = no_brighter(before, photo, shading, surface, known)
+    found = as_where_lit(before, photo, shading, surface, known)
     assert before[dark].max() > 0.95
     np.testing.assert_allclose(found[dark].max(), 0.5, rtol=1e-6)
     np.testing.assert_array_equal(found[~dark], before[~dark])
-    np.testing.assert_array_equal(no_brighter(before, photo, shading, surface, ~known), before)
+    np.testing.assert_array_equal(as_where_lit(before, photo, shading, surface, ~known), before)
+
+
+def test_the_dark_tells_no_hue():
+    """A red plate whose shadow is rounded to three steps: the hue is the plate's, the brightness the photo's."""
+    rng = np.random.default_rng(9)
+    shape = (40, 80)
+    dark = np.broadcast_to(np.arange(80) < 40, shape)
+    red = np.array([0.5, 0.05, 0.02]) * (1 + 0.1 * rng.uniform(-1, 1, (*shape, 1)))
+    shading = np.where(dark, 0.1, 1.0)[..., None] * np.ones(3)
+    photo = np.where(dark[..., None], np.round(50 * red * shading) / 50, red * shading)
+    photo[:, :20, 1] = 0.02  # a step too much
+    surface, known = np.zeros(shape, np.int32), np.ones(shape, bool)
+    before = albedo_map(photo, shading, red)
+    found = as_where_lit(before, photo, shading, surface, known)
+    hue, true = found / found.sum(axis=2, keepdims=True), red[0, 0] / red[0, 0].sum()
+    assert np.abs((before / before.sum(axis=2, keepdims=True))[dark] - true).max() > 0.1
+    np.testing.assert_allclose(hue[dark], np.broadcast_to(true, hue[dark].shape), atol=1e-6)
+    most = np.quantile((photo / shading)[~dark], 0.98, axis=0)
+    np.testing.assert_allclose(found[dark].sum(axis=1), np.minimum(before[dark], most).sum(axis=1), rtol=1e-9)
+    np.testing.assert_array_equal(found[~dark], before[~dark])
 
 
 def test_an_outline_that_is_not_where_the_photo_has_it_keeps_the_photos_albedo():
