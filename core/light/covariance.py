@@ -7,8 +7,8 @@ Three things make a light err, and none of them is the noise of independent pixe
   Huber 1967, by cluster: Liang & Zeger 1986), and each unknown gets the largest deviation. What the fit could make up
   for, by an error of its own, is not among the residuals: where others show that something is wrong, as much again
   counts as hidden.
-- Slopes of shadows are told by few rays. Their noise adds to J' J as if it were knowledge,
-  most where there is least. Slopes are made twice, with different rays; only products of one with the other count.
+- Slopes of shadows are told by few rays. Their noise adds to J' J as if it were knowledge, most where there is least.
+  Slopes are made twice, with different rays; only products of one with the other count.
 - The fit itself met noise of its rays. How far it would go on if it were given others is part of how far it is off.
 """
 

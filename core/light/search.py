@@ -15,16 +15,7 @@ from ..photo.samples import first
 from ..photo.segmentation import cut
 from ..progress import shifted, watched
 from ..radiance.lights import reach_of, resized, rolled
-from ..types import (
-    AreaLight,
-    Array,
-    Candidate,
-    Light,
-    PointLight,
-    Progress,
-    Samples,
-    SunLight,
-)
+from ..types import AreaLight, Array, Candidate, Light, PointLight, Progress, Samples, SunLight
 from .cues import diffuse_maxima, grid, highlights, terminators
 from .fit import LightFit, fit_light, search_light
 from .hints import Hint, hinted_lines, turned
