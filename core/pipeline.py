@@ -5,27 +5,26 @@ command line drain them and either can stop between two steps.
 """
 
 from collections.abc import Callable, Generator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from .assembly import Clock, assembled, failed, united
 from .effort import EFFORTS, Effort
-from .light.ambient_choice import with_richer_ambient
 from .light.fit import LightFit, explained
 from .light.hints import Hint
-from .light.polish import finished, polished
 from .light.response_fit import Response, likeliest_response
 from .light.search import Searched, search, with_second, without_highlights
 from .light.sight import Asked, Sight, asked, look
 from .light.uncertainty import uncertainty_of
 from .materials.ambient import richer_ambient
-from .materials.radiometric import CONSTANT, FREE, ROOTS_GAIN, SKY, left_over, roots_left_over
+from .materials.radiometric import CONSTANT, SKY, left_over
 from .materials.scale import Card
-from .materials.solve import Materials, absolute, in_regions
-from .materials.under_lights import Incident, incident, materials_under
+from .materials.solve import absolute, in_regions
+from .materials.under_lights import cast_and_solved, incident, materials_under
 from .photo.response import straightened
 from .photo.segmentation import at_samples, cut
 from .progress import shifted, watched
 from .radiance.lights import reach_of
+from .settling import others_of, settled
 from .types import (
     AreaLight,
     Buffers,
@@ -42,7 +41,6 @@ from .types import (
 )
 
 _SECOND_GAIN = 0.05  # of the logarithm of what is left over: a second light explains more than that beside highlights
-_GLOSS_ROUNDS = 2  # of light and gloss in turn
 _RESPONSE_ROUNDS = 2  # of light and response in turn
 
 
@@ -85,21 +83,21 @@ def estimate(
     if fit_response:
         sight, sought, response, exponent = yield from shifted(_with_response(seek, photo, effort, clock), 0.0, 0.6)
     else:
-        exponent = 1.0
-        sight, sought = yield from shifted(seek(photo), 0.0, 0.57)
-        # A light that was asked for may be the wrong one, and a response would make up for it.
-        telling = sought if model == "auto" else None
-        response = yield from shifted(_response(sight, telling, effort, clock), 0.57, 0.6)
+        exponent, response = 1.0, None
+        sight, sought = yield from shifted(seek(photo), 0.0, 0.6)
     if sought is None:
         return failed("No place for a light explains any of the shading: check the camera and the geometry", clock)
     found = sought
     if free:
         found = yield from shifted(_perhaps_two(sight, found, effort), 0.6, 0.7)
     clock.mark("second")
-    last = yield from shifted(_settled(sight, found, effort, free, clock), 0.7, 1.0)
+    last = yield from shifted(settled(sight, found, effort, free, clock), 0.7, 0.98)
+    # A light that was asked for may be the wrong one, and a response would make up for it; so would it for highlights.
+    if model == "auto" and not fit_response:
+        response = yield from shifted(_response(sight, last.bare, last.fit, effort, clock), 0.98, 1.0)
     materials, scale = absolute(last.materials, last.asked.samples)
     clock.mark("solve")
-    lights = (last.fit.light, *_others(found))
+    lights = (last.fit.light, *others_of(found))
     sure = tuple(uncertainty_of(one, reach_of(one.light, sight.middle)) for one in (last.fit, found.second) if one)
     chosen = f"{found.name} light" + (" and a second" if found.second else "")
     result = assembled(sight.photo, last.asked.samples, lights, materials, sure, chosen, clock, last.asked.ambient)
@@ -183,7 +181,10 @@ def _with_response(
     for turn in range(_RESPONSE_ROUNDS + 1):
         begin, end = turn * share, (turn + 1) * share
         sight, found = yield from shifted(seek(straightened(photo, exponent)), begin, end - 0.05 * share)
-        response = yield from shifted(_response(sight, found, effort, clock), end - 0.05 * share, end)
+        response = None
+        if found is not None:
+            heard = _response(sight, found.asked, found.fit, effort, clock)
+            response = yield from shifted(heard, end - 0.05 * share, end)
         if turn == _RESPONSE_ROUNDS or response is None or not response.evident:
             break
         exponent *= response.exponent
@@ -191,81 +192,15 @@ def _with_response(
 
 
 def _response(
-    sight: Sight, found: Searched | None, effort: Effort, clock: Clock
+    sight: Sight, here: Asked, fit: LightFit, effort: Effort, clock: Clock
 ) -> Generator[Progress, None, Response | None]:
     """The likeliest response of the photo under the light found; None where nothing is left for one to explain."""
-    if found is None or explained(found.fit, found.asked.samples):
+    if explained(fit, here.samples):
         return None
-    comparing = likeliest_response(found.asked.problem(sight, effort.fit_samples, effort.polish_rays), found.fit)
+    comparing = likeliest_response(here.problem(sight, effort.fit_samples, effort.polish_rays), fit)
     response = yield from watched(comparing, 0.0, 1.0, "Holding the photo's response against the light's shading")
     clock.mark("response")
     return response
-
-
-@dataclass(frozen=True, slots=True)
-class _Settled:
-    """The light with its materials."""
-
-    fit: LightFit
-    asked: Asked  # under the ambient that was chosen
-    materials: Materials
-    looked: tuple[Candidate, ...]  # at what might surround it
-
-
-def _settled(
-    sight: Sight, found: Searched, effort: Effort, free: bool, clock: Clock
-) -> Generator[Progress, None, _Settled]:
-    """Solve for the materials, and for the light anew beside their gloss and under a richer ambient, if it is free to.
-
-    Then come the fit's last steps, and the materials under what they led to and what ambient the photo's roots ask for.
-    """
-    here, fit = found.asked, found.fit
-    looked: tuple[Candidate, ...] = ()
-
-    def under(light: Light, asked: Asked) -> Generator[Progress, None, tuple[Incident, Materials]]:
-        return _under(sight, asked, (light, *_others(found)), effort, found.bounce)
-
-    lit, materials = yield from shifted(under(fit.light, here), 0.0, 0.33)
-    there = here
-    for turn in range(_GLOSS_ROUNDS):
-        if materials.matt is None:
-            break
-        # Highlights are no shading: the light is fitted anew to what the photo would show without them.
-        begin = 0.33 + 0.33 * turn / _GLOSS_ROUNDS
-        there = replace(here, samples=materials.matt)
-        fit, there = yield from shifted(polished(sight, there, fit.light, effort), begin, begin + 0.07)
-        lit, materials = yield from shifted(under(fit.light, here), begin + 0.07, begin + 0.16)
-    # Free levels would make up for a wrong light, too, and stand for what is left of highlights.
-    if free and materials.matt is None:
-        clock.mark("solve")
-        fit, there, looked = yield from shifted(with_richer_ambient(sight, there, fit, effort), 0.67, 0.73)
-        clock.mark("ambient")
-        if there.ambient:
-            here = here.under(there.ambient)
-            lit, materials = yield from shifted(under(fit.light, here), 0.73, 0.8)
-    before, fit = fit, (yield from shifted(finished(sight, there, fit, effort), 0.8, 0.9))
-    if fit.light is not before.light:
-        lit, materials = yield from shifted(under(fit.light, here), 0.9, 0.95)
-    if free:
-        solving = materials_under(lit, found.asked, effort, bounce=found.bounce, ambient=FREE)
-        freer = yield from shifted(solving, 0.95, 1.0)
-        held, left = (roots_left_over(here.samples, one.radiometry.residual).mean() for one in (materials, freer))
-        looked = (*looked, Candidate("freer ambient", float(left - held), 0.0))
-        if held - left > ROOTS_GAIN:
-            here, materials = found.asked, freer
-    return _Settled(fit, here, materials, looked)
-
-
-def _under(
-    sight: Sight, here: Asked, lights: Sequence[Light], effort: Effort, bounce: float | None
-) -> Generator[Progress, None, tuple[Incident, Materials]]:
-    """What reaches samples of lights, and the materials under them."""
-    lit = yield from shifted(incident(sight, here, lights, effort), 0.0, 0.3)
-    return lit, (yield from shifted(materials_under(lit, here, effort, bounce=bounce), 0.3, 1.0))
-
-
-def _others(found: Searched) -> tuple[Light, ...]:
-    return (found.second.light,) if found.second else ()
 
 
 def _perhaps_two(sight: Sight, one: Searched, effort: Effort) -> Generator[Progress, None, Searched]:
@@ -273,14 +208,14 @@ def _perhaps_two(sight: Sight, one: Searched, effort: Effort) -> Generator[Progr
     two = yield from shifted(with_second(sight, one, effort), 0.0, 0.4)
     if two.second is None:
         return two
-    _, materials = yield from shifted(_under(sight, one.asked, (one.fit.light,), effort, one.bounce), 0.4, 0.5)
+    _, materials = yield from shifted(cast_and_solved(sight, one.asked, (one.fit.light,), effort, one.bounce), 0.4, 0.5)
     if materials.matt is None:
         return two
     bare = yield from shifted(without_highlights(sight, one, materials.matt, effort), 0.5, 0.6)
     two = yield from shifted(with_second(sight, bare, effort), 0.6, 0.9)
     if two.second is not None:
-        both = _under(sight, one.asked, (two.fit.light, two.second.light), effort, one.bounce)
-        alone = _under(sight, one.asked, (bare.fit.light,), effort, one.bounce)
+        both = cast_and_solved(sight, one.asked, (two.fit.light, two.second.light), effort, one.bounce)
+        alone = cast_and_solved(sight, one.asked, (bare.fit.light,), effort, one.bounce)
         under = (yield from shifted(both, 0.9, 0.95)), (yield from shifted(alone, 0.95, 1.0))
         two_leave, one_leaves = (left_over(one.asked.samples, found.radiometry) for _, found in under)
         if two_leave > one_leaves - _SECOND_GAIN:  # it stood for highlights

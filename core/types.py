@@ -86,6 +86,7 @@ class Samples:
     footprint: Array | None = None  # (N, 2, 3) metres on the surface a pixel to the right and one down; None: points
     # (N, 3) openness times the mean direction, by the cosine, that sees the world; None: that of open half spaces
     opening: Array | None = None
+    penumbra: Mask | None = None  # (N,) chosen because a penumbra is there; None: none was
 
     def __len__(self) -> int:
         return len(self.point)

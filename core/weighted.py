@@ -1,6 +1,8 @@
-"""Statistics of values that count differently: a quantile, a spread that outliers do not move, non-negative terms."""
+"""Statistics of values that count differently: a quantile, a spread that outliers do not move, means of
+groups, non-negative terms."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .types import Array
 
@@ -15,6 +17,13 @@ def weighted_quantile(values: Array, weights: Array, share: float) -> float:
 def usual_spread(off: Array, weights: Array) -> float:
     """The deviation of a normal distribution of which nine in ten are as little off: of sizes (N,), weights (N,)."""
     return weighted_quantile(off, weights, 0.9) / 1.6449
+
+
+def group_means(group: NDArray[np.integer], count: int, weights: Array, values: Array) -> Array:
+    """The weighted mean (G,) or (G, C) of values (N,) or (N, C) over each of `count` groups (N,); 0 over empty ones."""
+    total = np.maximum(np.bincount(group, weights, count), 1e-300)
+    sums = [np.bincount(group, weights * one, count) for one in np.atleast_2d(values.T)]
+    return (np.array(sums) / total).T if values.ndim > 1 else sums[0] / total
 
 
 def several_terms(terms: Array, y: Array, weight: Array) -> Array:

@@ -1,10 +1,15 @@
-"""What a residual costs: soft-L1 in units of what is expected of it, and the likelihoods by which fits are compared."""
+"""What a residual costs: soft-L1 in units of what is expected of it, and the likelihoods by which fits are compared.
+
+Samples of one surface are expected to err alike, but those chosen for a penumbra by themselves: there a model errs by
+what its geometry does, elsewhere by what shading does.
+"""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..photo.samples import surface_means
-from ..types import Array
-from ..weighted import usual_spread
+from ..types import Array, Samples
+from ..weighted import group_means, usual_spread
 from .problem import Problem, State
 
 _SMALLEST_SPREAD = 1e-4  # of the median brightness
@@ -12,21 +17,36 @@ _NEVER_LESS = 0.1  # of the mean brightness: what a spread that goes with bright
 RISING = 0.0, 0.5, 1.0  # of noise with brightness: none, photons, texture
 _SPREAD_ROUNDS = 30  # of the fixed point that the likeliest spread is
 RAY_NOISE = -1.5  # power of their number that the variance of rays goes with: spread over a light, not by chance
+_FEWEST = 24  # samples of a surface in penumbrae, and outside, to have spreads of their own
 LOSS_SCALE = 1.5  # of the expected residual: beyond it a residual counts by its size, not its square
 
 
 def expected_residual(problem: Problem, state: State) -> Array:
-    """Compute each sample's expected residual (N,): its surface's spread and its shadow rays', a standard deviation.
+    """Compute each sample's expected residual (N,): the spread of its kind and its shadow rays', a standard deviation.
 
     The spread is read off the residual that one pixel in ten exceeds. The median would call every penumbra of a
     clean photo an outlier, and the mean square would follow the outliers of a real one.
     """
     samples, residual = problem.samples, np.abs(state.residual(problem))
-    spread = np.full(len(samples.names), _smallest_spread(problem))
-    for s in np.unique(samples.surface):
-        of = samples.surface == s
-        spread[s] = max(spread[s], usual_spread(residual[of], samples.weight[of]))
-    return np.sqrt(spread[samples.surface] ** 2 + ray_variance(problem, state))
+    kind = kinds(samples)
+    spread = np.full(kind.max() + 1, _smallest_spread(problem))
+    for k in np.unique(kind):
+        of = kind == k
+        spread[k] = max(spread[k], usual_spread(residual[of], samples.weight[of]))
+    return np.sqrt(spread[kind] ** 2 + ray_variance(problem, state))
+
+
+def kinds(samples: Samples) -> NDArray[np.intp]:
+    """Number samples (N,) by what is expected to err alike: twice the surface, and one more in penumbrae.
+
+    Where too few of a surface's samples are in penumbrae, or outside, all of them are of one kind.
+    """
+    kind = 2 * samples.surface.astype(np.intp)
+    if samples.penumbra is None:
+        return kind
+    apart = kind + samples.penumbra
+    count = np.bincount(apart, minlength=2 * len(samples.names))
+    return np.where((count[kind] < _FEWEST) | (count[kind + 1] < _FEWEST), kind, apart)
 
 
 def ray_variance(problem: Problem, state: State) -> Array:
@@ -62,7 +82,7 @@ def negative_log_likelihood(problem: Problem, state: State, spread: Array) -> fl
 
 
 def score(problem: Problem, state: State, rising: float = 0.0) -> float:
-    """Compute the mean negative log likelihood of the residual at each surface's likeliest spread (`spread_of`).
+    """Compute the mean negative log likelihood of the residual at the likeliest spread of each kind (`spread_of`).
 
     Unlike the loss it can be compared between fits to the same samples.
     """
@@ -70,7 +90,7 @@ def score(problem: Problem, state: State, rising: float = 0.0) -> float:
 
 
 def spread_of(problem: Problem, state: State, rising: float = 0.0) -> Array:
-    """Compute each sample's spread (N,) that makes the residuals of its surface likeliest.
+    """Compute each sample's spread (N,) that makes the residuals of its kind likeliest.
 
     rising : power of the modelled brightness that the spread goes with: 0 for noise, 1 for texture
     The one that `expected_residual` gives the fit would not do to compare fits: where nine samples in ten fit exactly
@@ -83,11 +103,13 @@ def spread_of(problem: Problem, state: State, rising: float = 0.0) -> Array:
         mean = surface_means(samples, model)[samples.surface]
         unit = (model / np.maximum(mean, 1e-300) + _NEVER_LESS) ** rising
     square = (residual / unit) ** 2
-    spread = np.maximum(np.sqrt(surface_means(samples, square)), smallest)
-    for _ in range(_SPREAD_ROUNDS):
-        soft = square / np.sqrt(1 + square / (LOSS_SCALE * spread[samples.surface]) ** 2)
-        spread = np.maximum(np.sqrt(surface_means(samples, soft)), smallest)
-    return np.asarray(spread[samples.surface] * unit)
+    kind = kinds(samples)
+    soft = square
+    for _ in range(_SPREAD_ROUNDS + 1):
+        means = group_means(kind, kind.max() + 1, samples.weight, soft)
+        spread = np.maximum(np.sqrt(means), smallest)[kind]
+        soft = square / np.sqrt(1 + square / (LOSS_SCALE * spread) ** 2)
+    return np.asarray(spread * unit)
 
 
 def likeliest_residual(problem: Problem, state: State) -> Array:

@@ -117,4 +117,5 @@ def enriched(sight: Sight, light: Light, effort: Effort, label: Labels | None = 
     # In turn, each in the order of the pool: any first few are spread over the photo, penumbrae and all else alike.
     turn = np.concatenate([np.linspace(0, 1, len(kind), endpoint=False) for kind in (inside, outside)])
     keep = np.concatenate([inside, outside])[np.argsort(turn, kind="stable")]
-    return pooled(subset(replace(pool, weight=weight), keep), sight.photo, sight.buffers, ~edge[keep], label)
+    asked = subset(replace(pool, weight=weight, penumbra=edge), keep)
+    return pooled(asked, sight.photo, sight.buffers, ~edge[keep], label)

@@ -69,3 +69,11 @@ def materials_under(
         gain = left_over(here.samples, without.radiometry) - left_over(here.samples, matt.radiometry)
         bounces = bounces if gain > _BOUNCE_GAIN else None
     return (yield from shifted(solve(bounces=bounces, card=card, rounds=effort.gloss_rounds), 0.15, 1.0))
+
+
+def cast_and_solved(
+    sight: Sight, here: Asked, lights: Sequence[Light], effort: Effort, bounce: float | None
+) -> Generator[Progress, None, tuple[Incident, Materials]]:
+    """What reaches samples of lights, and the materials under them; `bounce` as in `materials_under`."""
+    lit = yield from shifted(incident(sight, here, lights, effort), 0.0, 0.3)
+    return lit, (yield from shifted(materials_under(lit, here, effort, bounce=bounce), 0.3, 1.0))

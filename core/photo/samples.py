@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from ..errors import NothingToLearn
 from ..types import Array, Buffers, Camera, Mask, Photo, Samples
+from ..weighted import group_means
 
 _GRAZING = 0.1  # cosine: below it a pixel covers too much surface to stand for one point
 _FEWEST = 24  # samples that can say anything about eight unknowns of a light
@@ -75,18 +76,14 @@ def first(samples: Samples, count: int) -> Samples:
 def subset(samples: Samples, chosen: NDArray[Any] | slice) -> Samples:
     """Some of the samples: a mask (N,), indices or a slice."""
     fields = ("point", "normal", "view", "colour", "surface", "weight", "pixel", "openness")
-    footprint = None if samples.footprint is None else samples.footprint[chosen]
-    opening = None if samples.opening is None else samples.opening[chosen]
-    chosen_fields = {name: getattr(samples, name)[chosen] for name in fields}
-    return replace(samples, footprint=footprint, opening=opening, **chosen_fields)
+    optional = ("footprint", "opening", "penumbra")
+    there = [*fields, *(name for name in optional if getattr(samples, name) is not None)]
+    return replace(samples, **{name: getattr(samples, name)[chosen] for name in there})
 
 
 def surface_means(samples: Samples, values: Array) -> Array:
     """Compute the weighted mean of values (N,) or (N, 3) over each surface, (S,) or (S, 3); 0 where none shows it."""
-    count, weight = len(samples.names), samples.weight
-    total = np.maximum(np.bincount(samples.surface, weight, count), 1e-300)
-    sums = [np.bincount(samples.surface, weight * one, count) for one in np.atleast_2d(values.T)]
-    return (np.array(sums) / total).T if values.ndim > 1 else sums[0] / total
+    return group_means(samples.surface, len(samples.names), samples.weight, values)
 
 
 def hues(samples: Samples) -> Array:

@@ -22,6 +22,7 @@ STAGES = (
     ("materials",),
     ("reshading",),
     ("assembly",),
+    ("settling",),
     ("pipeline",),
     ("report",),
 )
