@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..photo.samples import surface_means
-from ..types import Array, Samples
+from ..types import AreaLight, Array, Light, Samples
 from ..weighted import group_means, usual_spread
 from .problem import Problem, State
 
@@ -28,7 +28,7 @@ def expected_residual(problem: Problem, state: State) -> Array:
     clean photo an outlier, and the mean square would follow the outliers of a real one.
     """
     samples, residual = problem.samples, np.abs(state.residual(problem))
-    kind = kinds(samples)
+    kind = kinds(samples, state.light)
     spread = np.full(kind.max() + 1, _smallest_spread(problem))
     for k in np.unique(kind):
         of = kind == k
@@ -36,13 +36,14 @@ def expected_residual(problem: Problem, state: State) -> Array:
     return np.sqrt(spread[kind] ** 2 + ray_variance(problem, state))
 
 
-def kinds(samples: Samples) -> NDArray[np.intp]:
-    """Number samples (N,) by what is expected to err alike: twice the surface, and one more in penumbrae.
+def kinds(samples: Samples, light: Light) -> NDArray[np.intp]:
+    """Number samples (N,) by what is expected to err alike: twice the surface, and one more in a rectangle's penumbrae.
 
-    Where too few of a surface's samples are in penumbrae, or outside, all of them are of one kind.
+    Where too few of a surface's samples are in penumbrae, or outside, all of them are of one kind. So they are under a
+    point or a sun: their shadows have edges, whose misses would be excused until shading alone says where the light is.
     """
     kind = 2 * samples.surface.astype(np.intp)
-    if samples.penumbra is None:
+    if samples.penumbra is None or not isinstance(light, AreaLight):
         return kind
     apart = kind + samples.penumbra
     count = np.bincount(apart, minlength=2 * len(samples.names))
@@ -103,7 +104,7 @@ def spread_of(problem: Problem, state: State, rising: float = 0.0) -> Array:
         mean = surface_means(samples, model)[samples.surface]
         unit = (model / np.maximum(mean, 1e-300) + _NEVER_LESS) ** rising
     square = (residual / unit) ** 2
-    kind = kinds(samples)
+    kind = kinds(samples, state.light)
     soft = square
     for _ in range(_SPREAD_ROUNDS + 1):
         means = group_means(kind, kind.max() + 1, samples.weight, soft)

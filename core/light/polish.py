@@ -18,7 +18,7 @@ from ..radiance.interreflection import patch_radiance
 from ..radiance.lights import incidence, reach_of
 from ..radiance.visibility import settled
 from ..types import Light, Progress, Samples
-from .fit import LightFit, fit_light, rays_worth, with_covariance
+from .fit import LightFit, at_rest, fit_light, rays_worth, result_of, with_covariance
 from .problem import Problem
 from .refinement import refined
 from .regions import regions
@@ -28,6 +28,7 @@ _LAST_RAYS = 1024  # of the last steps but two: less noise than 1 % of what a pe
 _VERY_LAST_RAYS, _VERY_LAST_STEPS = 4096, 2  # where steps are small, and each costs but one look: a third of that noise
 _LAST_OPEN_RAYS = 512  # of openness, whose noise with fewer is that of a per cent of an ambient of 6 %
 _WORTH_IT = 64  # rays a sample, for last steps to be taken: a photo explained to 2 % or so
+_MAY_BE_WORTH_IT = 16  # of the same, for that to be looked at
 _LAST_SAMPLES = 4000  # half of them in penumbrae: their rays are what takes time
 _REGION_ROUNDS = 5  # of regions and light in turn
 _BOUNCE_ROUNDS = 2  # of what the photo does not show, by the light found
@@ -79,13 +80,17 @@ def polished_with_regions(
 def finished(sight: Sight, here: Asked, fit: LightFit, effort: Effort) -> Generator[Progress, None, LightFit]:
     """The polished fit after its last steps, if the effort has any and the photo is worth them, and how sure it is."""
     problem = here.problem(sight, len(here.samples), effort.polish_rays)
-    if effort.last_steps and rays_worth(fit, problem, _LAST_RAYS) >= _WORTH_IT:
-        problem = here.first(_LAST_SAMPLES).opened(sight, _LAST_OPEN_RAYS).problem(sight, _LAST_SAMPLES, _LAST_RAYS)
-        last = (_LAST_RAYS, effort.last_steps, 0.0, 0.4)
-        very_last = (_VERY_LAST_RAYS, _VERY_LAST_STEPS, 0.4, 0.9)
-        for rays, steps, begin, end in (last, very_last):
-            better = refined(replace(problem, rays=rays), fit, iterations=steps)
-            fit = yield from watched(better, begin, end, "Asking penumbrae with more rays")
+    if effort.last_steps and rays_worth(fit, problem, _LAST_RAYS) >= _MAY_BE_WORTH_IT:
+        many = here.first(_LAST_SAMPLES).opened(sight, _LAST_OPEN_RAYS).problem(sight, _LAST_SAMPLES, _LAST_RAYS)
+        # Noise of the fit's own rays is part of what it leaves over: seen with more of them, a photo is worth more.
+        seen = result_of(many, at_rest(fit, many), fit.iterations, fit.converged)
+        if rays_worth(seen, many, _LAST_RAYS) >= _WORTH_IT:
+            problem = many
+            last = (_LAST_RAYS, effort.last_steps, 0.0, 0.4)
+            very_last = (_VERY_LAST_RAYS, _VERY_LAST_STEPS, 0.4, 0.9)
+            for rays, steps, begin, end in (last, very_last):
+                better = refined(replace(problem, rays=rays), fit, iterations=steps)
+                fit = yield from watched(better, begin, end, "Asking penumbrae with more rays")
     yield Progress(0.9, "Finding out how sure this is")
     problem, around = here.apart(problem, fit.around)
     return replace(fit, covariance=with_covariance(problem, replace(fit, around=around)).covariance)
