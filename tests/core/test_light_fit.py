@@ -175,6 +175,24 @@ def test_what_is_expected_of_a_residual_is_its_spread_on_each_surface(ball):
         assert spread[surface == s][0] == pytest.approx(noise[surface == s].std(), rel=0.2)
 
 
+def test_in_penumbrae_a_rectangle_s_residual_is_expected_by_itself_and_a_suns_is_not(ball):
+    true = ball.light()
+    problem = unshadowed(ball, true, with_ambient=False)
+    penumbra = np.arange(COUNT) % 3 == 0
+    samples = replace(problem.samples, penumbra=penumbra)
+    noise = np.where(penumbra, 0.05, 0.01) * problem.brightness.mean() * np.random.default_rng(0).normal(size=COUNT)
+    problem = replace(problem, samples=samples, brightness=problem.brightness + noise)
+    spread = expected_residual(problem, started(problem, true))
+    for kind in (penumbra, ~penumbra):
+        for s in (0, 1):
+            of = kind & (samples.surface == s)
+            assert spread[of] == pytest.approx(spread[of][0])
+            assert spread[of][0] == pytest.approx(noise[of].std(), rel=0.35)
+    sun = started(problem, SunLight(true.normal, np.ones(3)))
+    spread = expected_residual(problem, sun)
+    assert all(len(np.unique(spread[samples.surface == s])) == 1 for s in (0, 1))
+
+
 def test_a_weighted_quantile_counts_weights_and_not_values():
     values, weights = np.array([3.0, 1.0, 2.0]), np.array([1.0, 8.0, 1.0])
     assert [weighted_quantile(values, weights, share) for share in (0.1, 0.5, 0.85, 0.95, 1.0)] == [1, 1, 2, 3, 3]

@@ -1,0 +1,45 @@
+"""Light and gloss in turn: a coat that bends a matt fit is found, and its light with it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from core.materials.gloss import Gloss, Lit, base_share, specular_term
+from core.photo.samples import choose_samples, subset
+from core.pipeline import estimate
+from core.progress import drain
+from core.radiance.lights import facing, shading
+from core.radiance.visibility import visible_fraction
+
+
+def coated(scene, light, gloss):
+    """The scene's photo with a coat on each surface; pixels on outlines keep what bare surfaces show."""
+    photo = scene.photo(light)
+    samples = choose_samples(photo, scene.camera, scene.buffers, (scene.buffers.surface >= 0).sum())
+    share = visible_fraction(light, samples, scene.visible, 400, 100.0)[:, None]
+    direct = shading(light, samples.point, samples.normal)[:, None] * share
+    lit = Lit([light], light.radiance[None], direct, share, np.zeros(3))
+    linear = photo.linear.copy()
+    for number, one in enumerate(gloss):
+        of = samples.surface == number
+        some = subset(samples, of)
+        column, row = some.pixel.T
+        linear[row, column] = some.colour * base_share(some, one)[:, None] + specular_term(some, lit.of(of), one)
+    return replace(photo, linear=linear)
+
+
+def test_coats_all_over_are_found_though_a_matt_fit_takes_them_for_shading(ball):
+    """Fitted as if all were matt the light is 9 % of its distance off, and under it no coat is evident."""
+    true = replace(facing(np.array([-1.1, 0.7, 1.6]), np.array([0.0, 0.0, 0.2]), 0.6), radiance=np.full(3, 20.0))
+    photo = coated(ball, true, [Gloss(0.5, 0.45), Gloss(0.5, 0.4)])
+    found = drain(estimate(photo, ball.camera, ball.buffers, ball.visible, quality="draft", model="area"))
+    (light,) = found.lights
+    assert np.linalg.norm(light.centre - true.centre) < 0.01 * np.linalg.norm(true.centre)
+    assert light.normal @ true.normal > np.cos(np.radians(1.5))
+    (gain,) = [candidate.score for candidate in found.candidates if candidate.name == "coats all over"]
+    assert gain < -1.0
+    for surface, width in zip(found.surfaces, (0.45, 0.4), strict=True):
+        # Strength shows only beside the albedos' scale; both are coated alike.
+        assert surface.roughness == pytest.approx(width, rel=0.1)
+        assert surface.specular == pytest.approx(found.surfaces[0].specular, rel=0.25)
