@@ -17,7 +17,7 @@ from ..progress import shifted, watched
 from ..radiance.lights import reach_of, resized, rolled
 from ..types import AreaLight, Array, Candidate, Light, PointLight, Progress, Samples, SunLight
 from .cues import diffuse_maxima, grid, highlights, terminators
-from .fit import LightFit, fit_light, search_light
+from .fit import LightFit, at_rest, fit_light, search_light
 from .hints import Hint, hinted_lines, turned
 from .hopping import hopped
 from .linear import started
@@ -112,18 +112,23 @@ def search(
 
 
 def with_second(sight: Sight, one: Searched, effort: Effort) -> Generator[Progress, None, Searched]:
-    """The same with a second light, where the photo demands one, and with what was considered."""
-    pair, considered = yield from shifted(second_light(sight, one.whole, one.fit, effort, one.places), 0.0, 0.5)
-    there = one.whole
-    if one.asked.samples.names != one.whole.samples.names and not (pair and pair.score < one.fit.score + _AS_WELL):
-        # What another light draws on a surface has edges, too: it says the same with fewer numbers, or less.
-        there = one.asked
-        pair, considered = yield from shifted(second_light(sight, there, one.fit, effort, one.places), 0.5, 1.0)
+    """The same with a second light, where the photo demands one, and with what was considered.
+
+    What two lights explain better may be what one has wrong in its own penumbrae, so these are excused nothing.
+    """
+    whole, there = one.whole.alike(), one.asked.alike()
+    pair, considered = yield from shifted(second_light(sight, whole, one.fit, effort, one.places), 0.0, 0.5)
+    if there.samples.names != whole.samples.names:
+        problem = there.problem(sight, len(there.samples), effort.polish_rays)
+        if not (pair and pair.score < score(problem, at_rest(one.fit, problem)) + _AS_WELL):
+            # What another light draws on a surface has edges, too: it says the same with fewer numbers, or less.
+            whole = there
+            pair, considered = yield from shifted(second_light(sight, there, one.fit, effort, one.places), 0.5, 1.0)
     one = replace(one, candidates=(*one.candidates, considered))
     if pair is None:
         return one
     return replace(
-        one, fit=pair.main, asked=there.beside(sight, pair.other.light, effort.polish_rays), second=pair.other
+        one, fit=pair.main, asked=whole.beside(sight, pair.other.light, effort.polish_rays), second=pair.other
     )
 
 

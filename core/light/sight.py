@@ -80,6 +80,10 @@ class Asked:
         fields = np.column_stack([openness, self.fields[:, 1:]])
         return replace(self, samples=replace(self.samples, openness=openness), fields=fields, ambient=ambient)
 
+    def alike(self) -> "Asked":
+        """The same, its samples expected to err in the penumbrae of the light they were chosen for as elsewhere."""
+        return replace(self, samples=replace(self.samples, penumbra=None))
+
     def apart(self, problem: Problem, around: Array) -> tuple[Problem, Array]:
         """A problem of the first samples, and how much there is of its fields (K,), with every level on its own.
 
