@@ -5,8 +5,10 @@ turn. A surface with a coat shows the foot of its highlight all over, which a ma
 be tilted so far that no coat is evident under it. So coats all over are tried as a hypothesis, with a fit of its own.
 """
 
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass, replace
+
+import numpy as np
 
 from .assembly import Clock
 from .effort import Effort
@@ -16,16 +18,18 @@ from .light.hopping import hopped
 from .light.polish import enriched, finished, polished
 from .light.search import Searched
 from .light.sight import Asked, Sight, asked
-from .materials.coats import without_coats
+from .materials.coats import LEAST_LEFT, without_coats
 from .materials.gloss import Gloss, Lit
 from .materials.radiometric import FREE, ROOTS_GAIN, left_over, roots_left_over
 from .materials.solve import Materials
 from .materials.under_lights import Incident, cast_and_solved, materials_under
+from .photo.samples import hues
 from .progress import shifted, watched
 from .types import Candidate, Light, Progress
 
-_ROUNDS = 4  # of light and gloss in turn, at most
-_SETTLED = 0.02  # of the logarithm of what is left over: a round that explains no more than that is the last
+_ROUNDS = 6  # of light and gloss in turn, at most
+_SETTLED = 0.02  # of the logarithm of what is left over: a round that explains no more than that is idle
+_PATIENCE = 2  # so many idle rounds in a row are the last
 _SPEAKS = 10.0  # gain of the Bayesian criterion: a coat that may be there
 _USUAL = 0.5  # strength of a dielectric's coat
 _WIDTHS = (0.3, 0.5)  # of coats all over
@@ -118,40 +122,53 @@ def _coats_all_over(sight: Sight, now: _Round, under: _Under, effort: Effort) ->
     tried = []
     for number, width in enumerate(_WIDTHS):
         begin, share = number / len(_WIDTHS), 1 / len(_WIDTHS)
-        steps = polished(sight, _coated(now, width), now.fit.light, effort)
-        fit, _ = yield from shifted(steps, begin, begin + 0.5 * share)
+        coated = _beside_coats(now, [one or Gloss(_USUAL, width) for one in now.materials.gloss])
+        fit, _ = yield from shifted(polished(sight, coated, now.fit.light, effort), begin, begin + 0.5 * share)
         tried.append((yield from shifted(under(fit, now.asked), begin + 0.5 * share, begin + share)))
     return min(tried, key=lambda one: one.left)
-
-
-def _coated(now: _Round, width: float) -> Asked:
-    """What would be asked if every surface that has no gloss yet had a dielectric's coat of such a width."""
-    lit, materials, found = now.lit, now.materials, now.materials.radiometry
-    gloss = [one or Gloss(_USUAL, width) for one in materials.gloss]
-    light = Lit(lit.lights, found.strengths, lit.shading, lit.visible, found.ambient, materials.bounced)
-    _, _, matt = without_coats(now.asked.samples, light, gloss)
-    return replace(now.asked, samples=matt)
 
 
 def _beside_gloss(
     sight: Sight, now: _Round, under: _Under, effort: Effort
 ) -> Generator[Progress, None, tuple[_Round, Asked]]:
-    """The light fitted to what the photo would show without gloss, in turn with the gloss; and what was asked last.
+    """The light fitted beside the gloss, in turn with it; the best of the rounds, and what was asked in it.
 
-    Highlights are no shading, and bend a fit that takes them for it: once they are gone a light's sides and tilt may be
+    Highlights are no shading, and bend a fit that takes them for it: beside them a light's sides and tilt may be
     others, so it jumps anew.
     """
+    best, asked, idle = now, now.asked, 0
     for turn in range(_ROUNDS):
-        begin, share, matt = turn / _ROUNDS, 1 / _ROUNDS, now.materials.matt
-        if matt is None:
+        if now.materials.matt is None:
             break
-        there, light = replace(now.asked, samples=matt), now.fit.light
+        begin, share, light = turn / _ROUNDS, 1 / _ROUNDS, now.fit.light
+        there = _beside_coats(now, now.materials.gloss)
         if turn == 0:
             edges = there.problem(sight, 2 * effort.fit_samples, effort.polish_rays)
             jumps = hopped(edges, light, effort.jumps, effort.tolerance, effort.most_rays)
             light = (yield from watched(jumps, begin, begin + 0.3 * share, "Trying other sizes and places")).light
         fit, there = yield from shifted(polished(sight, there, light, effort), begin + 0.3 * share, begin + 0.6 * share)
-        before, now = now, (yield from shifted(under(fit, now.asked), begin + 0.6 * share, begin + share))
-        if now.left > before.left - _SETTLED:
+        now = yield from shifted(under(fit, now.asked), begin + 0.6 * share, begin + share)
+        idle = 0 if now.left < best.left - _SETTLED else idle + 1
+        if turn == 0 or now.left < best.left:
+            best, asked = now, there
+        if idle == _PATIENCE:
             break
-    return now, there
+    return best, asked
+
+
+def _beside_coats(now: _Round, gloss: Sequence[Gloss]) -> Asked:
+    """What is asked of bases, with what each coat shows beside them: its shape is known, and it is as strong as fits.
+
+    How strong a coat is and how far a light is tilted trade off: taken in turn alone, each would settle by the other.
+    """
+    lit, materials, found, samples = now.lit, now.materials, now.materials.radiometry, now.asked.samples
+    light = Lit(lit.lights, found.strengths, lit.shading, lit.visible, found.ambient, materials.bounced)
+    base, left, _ = without_coats(samples, light, gloss)
+    left = np.maximum(left, LEAST_LEFT)[:, None]
+    shown = replace(samples, colour=samples.colour / left)
+    hue = hues(shown)
+    specular = np.einsum("ij,ij->i", (samples.colour - base.colour) / left, hue[samples.surface])
+    strength = np.einsum("ij,ij->i", hue, found.albedo * found.strengths[0])
+    over = np.where(strength > 0, 1 / np.where(strength > 0, strength, 1.0), 0.0)
+    coats = [np.where(samples.surface == i, specular * over[i], 0.0) for i, one in enumerate(gloss) if one]
+    return replace(now.asked, samples=shown, others=np.column_stack([now.asked.others, *coats]))
