@@ -17,7 +17,7 @@ from .light.sight import Asked, Sight, asked, look
 from .light.uncertainty import uncertainty_of
 from .materials.ambient import richer_ambient
 from .materials.radiometric import CONSTANT, SKY, left_over
-from .materials.scale import Card
+from .materials.scale import Card, scaled
 from .materials.solve import absolute, in_regions
 from .materials.under_lights import cast_and_solved, incident, materials_under
 from .photo.response import straightened
@@ -101,6 +101,9 @@ def estimate(
     sure = tuple(uncertainty_of(one, reach_of(one.light, sight.middle)) for one in (last.fit, found.second) if one)
     chosen = f"{found.name} light" + (" and a second" if found.second else "")
     result = assembled(sight.photo, last.asked.samples, lights, materials, sure, chosen, clock, last.asked.ambient)
+    if last.world:
+        world = scaled(last.world, float(last.world.strengths.sum() / materials.radiometry.strengths.sum()))
+        result = replace(result, ambient=world.ambient, sky=world.sky)
     held, warnings = [], list(result.warnings)
     if response:
         held.append(Candidate(f"response {response.exponent:.2f}", -response.gain, clock.seconds["response"]))

@@ -20,7 +20,7 @@ from .light.search import Searched
 from .light.sight import Asked, Sight, asked
 from .materials.coats import LEAST_LEFT, without_coats
 from .materials.gloss import Gloss, Lit
-from .materials.radiometric import FREE, ROOTS_GAIN, left_over, roots_left_over
+from .materials.radiometric import FREE, ROOTS_GAIN, Radiometry, left_over, roots_left_over
 from .materials.solve import Materials
 from .materials.under_lights import Incident, cast_and_solved, materials_under
 from .photo.samples import hues
@@ -44,6 +44,7 @@ class Settled:
     bare: Asked  # what the fit was made to: without highlights
     asked: Asked  # under the ambient that was chosen
     materials: Materials
+    world: Radiometry | None  # a constant or a sky, where the ambient that was chosen is neither
     looked: tuple[Candidate, ...]  # at what might be there besides
 
 
@@ -106,7 +107,7 @@ def settled(
     last = yield from shifted(finished(sight, there, now.fit, effort), 0.8, 0.9)
     if last.light is not now.fit.light:
         now = yield from shifted(under(last, now.asked), 0.9, 0.95)
-    here, materials = now.asked, now.materials
+    here, materials, world = now.asked, now.materials, None
     if free:
         solving = materials_under(now.lit, plain, effort, bounce=found.bounce, ambient=FREE)
         freer = yield from shifted(solving, 0.95, 1.0)
@@ -114,7 +115,9 @@ def settled(
         looked = (*looked, Candidate("freer ambient", float(left - held), 0.0))
         if held - left > ROOTS_GAIN:
             here, materials = plain, freer
-    return Settled(last, there.first(len(last.residual)), here, materials, looked)
+        elif here.ambient:
+            world = freer.radiometry
+    return Settled(last, there.first(len(last.residual)), here, materials, world, looked)
 
 
 def _coats_all_over(sight: Sight, now: _Round, under: _Under, effort: Effort) -> Generator[Progress, None, _Round]:

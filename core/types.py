@@ -192,7 +192,7 @@ class Estimate:
     """
 
     lights: tuple[Light, ...]
-    ambient: Array  # (3,) radiance of a uniform world; the mean of `levels` where there are any
+    ambient: Array  # (3,) radiance of a uniform world, or the mean of `sky`: what a renderer's world can show
     surfaces: tuple[Surface, ...]
     uncertainty: tuple[Uncertainty | None, ...]  # one a light; None where the light was given, not fitted
     rms: float  # of the residual, linear radiance
@@ -205,7 +205,7 @@ class Estimate:
     warnings: tuple[str, ...] = ()
     seconds: dict[str, float] = field(default_factory=dict)
     starts: tuple[Tried, ...] = ()  # best first; none where lights were given
-    levels: tuple[AmbientLevel, ...] = ()  # of an ambient by region, or smooth
+    levels: tuple[AmbientLevel, ...] = ()  # of an ambient by region, or smooth, which no world shows
     sky: Array | None = None  # (6, 3) an ambient's parts where it differs by direction: see `radiometric.AXES`
     ambient_model: str = "constant"  # none, constant, per region, smooth; interreflected: no other ambient
     interreflected: bool = False  # whether light from other surfaces was explained as well
