@@ -1,13 +1,15 @@
 """How good reshaded photos are: edits made to the explained scene and to the true one, which Cycles renders.
 
     python -m reshade.bench.relight FOLDER [--seeds 1,2] [--kinds NAME ...] [--edits NAME ...] [--known]
-        [--quality NAME] [--pictures FOLDER]
+        [--quality NAME] [--pictures FOLDER] [--oracle]
 
 Edits: the light on the other side and at half its strength; a surface of another colour; an object added. PSNR of the
 sRGB-encoded pictures, and relative RMSE of the linear ones, each beside that of the photo scaled to the right mean.
 How much better the reshaded photo is than that counts the pixels that the edit changes: elsewhere the photo is right,
 noise and all, and a small object would say nothing.
 --known : the scene has its true lights; only strengths and materials are solved
+--oracle : beside each edit the PSNR of a method that is told the truth where the model explains the photo before and
+    the truth after, and elsewhere, where something unmodelled is seen or casts its shadow, by what factor to scale it
 """
 
 import argparse
@@ -39,6 +41,7 @@ from .scenes import AIM, KINDS, photo_path, scene_folder
 SAMPLES, TRUE_SAMPLES = 128, 256
 IN_FRONT = 0.72  # of the scene's middle
 CHANGED = 2 / 255  # encoded: pixels that an edit changes by more
+EXPLAINED = 0.03  # encoded: what a render is off by less
 TINT = np.array([0.5, 0.8, 1.0])  # of the recoloured surface's albedo
 COLUMNS = ("scene", "seed", "edit", "PSNR dB", "over the scaled photo dB", "RMSE %", "scaled photo's RMSE %")
 
@@ -86,7 +89,7 @@ EDITS: dict[str, Callable[[bpy.types.Scene, float], None]] = {
 
 
 def measure(
-    folder: Path, edits: Sequence[str], known: bool, quality: str, pictures: Path | None
+    folder: Path, edits: Sequence[str], known: bool, quality: str, pictures: Path | None, oracle: bool
 ) -> dict[str, dict[str, float]]:
     """Errors of some edits of one scene."""
     truth = json.loads((folder / "truth.json").read_text())
@@ -111,6 +114,7 @@ def measure(
     explained = folder / "explained.blend"
     bpy.ops.wm.save_as_mainfile(filepath=str(explained))
     out = {}
+    was = drain(render(open_blend(explained), SAMPLES)) if oracle else None
     for name in edits:
         scene = open_blend(explained)
         EDITS[name](scene, unit)
@@ -120,10 +124,20 @@ def measure(
         changed = np.abs(_encoded(true[name]) - _encoded(unedited)).max(axis=2) > CHANGED
         over = _errors(result[changed], true[name][changed])[0] - _errors(scaled[changed], true[name][changed])[0]
         out[name] = {"psnr": errors[0], "rmse": errors[1], "over": over, "usual": usual[1]}
+        if was is not None:
+            out[name]["oracle"] = _told(photo.linear, was, drain(render(scene, SAMPLES)), true[name])
         if pictures:
             row = np.concatenate([photo.linear, result, true[name], np.abs(result - true[name]) * 5], axis=1)
             write_encoded(pictures / f"{folder.name}-{name.replace(' ', '-').replace(',', '')}.png", _encoded(row))
     return out
+
+
+def _told(photo: Array, was: Array, is_now: Array, true: Array) -> float:
+    """PSNR in dB of the truth where the model explains it, and of the photo times the best factor elsewhere."""
+    off = np.maximum(np.abs(_encoded(photo) - _encoded(was)), np.abs(_encoded(true) - _encoded(is_now))).max(axis=2)
+    rest = off >= EXPLAINED
+    factor = (true[rest] * photo[rest]).sum(axis=0) / np.maximum((photo[rest] ** 2).sum(axis=0), 1e-12)
+    return _errors(np.where(rest[..., None], factor * photo, true), true)[0]
 
 
 def _encoded(linear: Array) -> Array:
@@ -146,19 +160,22 @@ def main() -> None:
     parser.add_argument("--known", action="store_true")
     parser.add_argument("--quality", choices=QUALITIES, default="accurate")
     parser.add_argument("--pictures", type=Path)
+    parser.add_argument("--oracle", action="store_true")
     chosen = parser.parse_args()
-    print(line(list(COLUMNS)) + "\n" + line(["---"] * len(COLUMNS)))
+    columns = [*COLUMNS, *(["oracle dB"] if chosen.oracle else [])]
+    print(line(columns) + "\n" + line(["---"] * len(columns)))
     rows = []
     register()
     try:
         for kind in chosen.kinds:
             for seed in map(int, chosen.seeds.split(",")):
                 folder = scene_folder(chosen.folder, seed, kind)
-                found = measure(folder, chosen.edits, chosen.known, chosen.quality, chosen.pictures)
+                found = measure(folder, chosen.edits, chosen.known, chosen.quality, chosen.pictures, chosen.oracle)
                 for edit, e in found.items():
                     rows.append(e)
                     cells = [kind, str(seed), edit, f"{e['psnr']:.1f}", f"{e['over']:+.1f}", f"{e['rmse']:.1f}"]
-                    print(line([*cells, f"{e['usual']:.0f}"]), flush=True)
+                    told = [f"{e['oracle']:.1f}"] if chosen.oracle else []
+                    print(line([*cells, f"{e['usual']:.0f}", *told]), flush=True)
     finally:
         unregister()
     values = {key: np.array([row[key] for row in rows]) for key in ("psnr", "over", "rmse")}
