@@ -91,7 +91,8 @@ def settled(
         if coated.left < now.left - _COATED_GAIN:
             now = coated
             if found.asked.samples.names == found.whole.samples.names:  # no albedos were told apart under another light
-                here = yield from shifted(asked(sight, enriched(sight, now.fit.light, effort)), 0.35, 0.37)
+                apart = now.asked.samples.penumbra is not None
+                here = yield from shifted(asked(sight, enriched(sight, now.fit.light, effort, apart)), 0.35, 0.37)
                 now = yield from shifted(under(now.fit, here), 0.37, 0.4)
     plain = there = now.asked
     if now.materials.matt is not None:

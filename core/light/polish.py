@@ -18,8 +18,9 @@ from ..radiance.interreflection import patch_radiance
 from ..radiance.lights import incidence, reach_of
 from ..radiance.visibility import settled
 from ..types import Light, Progress, Samples
+from ..weighted import usual_spread
 from .fit import LightFit, at_rest, fit_light, rays_worth, result_of, with_covariance
-from .problem import Problem
+from .problem import Problem, brightness
 from .refinement import refined
 from .regions import regions
 from .sight import Asked, Sight, fields_along
@@ -34,6 +35,7 @@ _REGION_ROUNDS = 5  # of regions and light in turn
 _BOUNCE_ROUNDS = 2  # of what the photo does not show, by the light found
 _PENUMBRA_MARGIN = 0.02  # of the light's distance: how far round a penumbra pixels are asked too
 _GRAZING = 0.2  # cosine
+_TOLD = 0.1  # of the mean brightness: what a fit leaves over that explains shading
 
 
 def polished(
@@ -101,10 +103,17 @@ def heard(effort: Effort, fit: LightFit, problem: Problem) -> Effort:
     return replace(effort, polish_rays=max(effort.polish_rays, rays_worth(fit, problem, effort.most_rays)))
 
 
-def enriched(sight: Sight, light: Light, effort: Effort, label: Labels | None = None) -> Samples:
+def tells_shading(fit: LightFit, samples: Samples) -> bool:
+    """Whether a fit to `samples` explains what the photo shows well enough to tell errors of penumbrae from others."""
+    mean = float(np.average(brightness(samples), weights=samples.weight))
+    return usual_spread(np.abs(fit.residual), samples.weight) < _TOLD * mean
+
+
+def enriched(sight: Sight, light: Light, effort: Effort, apart: bool, label: Labels | None = None) -> Samples:
     """Samples for the last fit: half of them, or all there are, from the light's penumbrae; the rest spread out.
 
     Each stands for the pixels it was chosen from, and outside penumbrae speaks for its neighbourhood (`pooled`).
+    apart : whether those in penumbrae are expected to err by themselves
     label : segments of the photo that are of one albedo, where surfaces hide several
     """
     pool = choose_samples(sight.photo, sight.camera, sight.buffers, effort.pool)
@@ -122,5 +131,5 @@ def enriched(sight: Sight, light: Light, effort: Effort, label: Labels | None = 
     # In turn, each in the order of the pool: any first few are spread over the photo, penumbrae and all else alike.
     turn = np.concatenate([np.linspace(0, 1, len(kind), endpoint=False) for kind in (inside, outside)])
     keep = np.concatenate([inside, outside])[np.argsort(turn, kind="stable")]
-    asked = subset(replace(pool, weight=weight, penumbra=edge), keep)
+    asked = subset(replace(pool, weight=weight, penumbra=edge if apart else None), keep)
     return pooled(asked, sight.photo, sight.buffers, ~edge[keep], label)

@@ -23,7 +23,7 @@ from .hopping import hopped
 from .linear import started
 from .loss import score
 from .model_choice import choose, criterion
-from .polish import enriched, heard, polished, polished_with_regions
+from .polish import enriched, heard, polished, polished_with_regions, tells_shading
 from .problem import Problem, brightness
 from .regions import divided, regions
 from .second_light import second_light
@@ -97,7 +97,8 @@ def search(
         here, tried[0] = parts.asked, (tried[0][0], parts.light, tried[0][2])
     name, fit, candidates = yield from shifted(_finals(sight, here, effort, tried, solver), 0.5, 0.7)
     alone = None if parts is None else label
-    whole = yield from shifted(asked(sight, enriched(sight, fit.light, effort, alone)), 0.7, 0.75)
+    apart = tells_shading(fit, first(here.samples, len(fit.residual)))
+    whole = yield from shifted(asked(sight, enriched(sight, fit.light, effort, apart, alone)), 0.7, 0.75)
     there = whole if parts is None else whole.divided(regions(sight, whole, fit, effort.polish_rays, label))
     edges = there.problem(sight, 2 * effort.fit_samples, effort.polish_rays)
     jumps = hopped(edges, fit.light, effort.jumps, effort.tolerance, effort.most_rays)
