@@ -38,7 +38,7 @@ def test_coats_all_over_are_found_though_a_matt_fit_takes_them_for_shading(ball)
     assert np.linalg.norm(light.centre - true.centre) < 0.01 * np.linalg.norm(true.centre)
     assert light.normal @ true.normal > np.cos(np.radians(1.5))
     (gain,) = [candidate.score for candidate in found.candidates if candidate.name == "coats all over"]
-    assert gain < -1.0
+    assert gain < -0.5  # a third less is left over
     for surface, width in zip(found.surfaces, (0.45, 0.4), strict=True):
         # Strength shows only beside the albedos' scale; both are coated alike.
         assert surface.roughness == pytest.approx(width, rel=0.1)
