@@ -84,11 +84,12 @@ def settled(
         lights = (fit.light, *others_of(found))
         return _Round(fit, here, *(yield from cast_and_solved(sight, here, lights, effort, found.bounce)))
 
-    now = yield from shifted(under(found.fit, found.asked), 0.0, 0.2)
+    now, adopted = (yield from shifted(under(found.fit, found.asked), 0.0, 0.2)), False
     if found.second is None and any(one.evidence > _SPEAKS for one in now.materials.considered):
         coated = yield from shifted(_coats_all_over(sight, now, under, effort), 0.2, 0.35)
         looked = (Candidate("coats all over", coated.left - now.left, 0.0),)
-        if coated.left < now.left - _COATED_GAIN:
+        adopted = coated.left < now.left - _COATED_GAIN
+        if adopted:
             now = coated
             if found.asked.samples.names == found.whole.samples.names:  # no albedos were told apart under another light
                 apart = now.asked.samples.penumbra is not None
@@ -97,6 +98,9 @@ def settled(
     plain = there = now.asked
     if now.materials.matt is not None:
         now, there = yield from shifted(_beside_gloss(sight, now, under, effort), 0.4, 0.67)
+    elif adopted:  # coats led to a light under which none is evident
+        fit, there = yield from shifted(polished(sight, now.asked, now.fit.light, effort), 0.4, 0.55)
+        now = yield from shifted(under(fit, now.asked), 0.55, 0.67)
     # Free levels would make up for a wrong light, too, and stand for what is left of highlights.
     if free and now.materials.matt is None:
         clock.mark("solve")

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from core import settling
 from core.materials.gloss import Gloss, Lit, base_share, specular_term
 from core.photo.samples import choose_samples, subset
 from core.pipeline import estimate
@@ -43,3 +44,13 @@ def test_coats_all_over_are_found_though_a_matt_fit_takes_them_for_shading(ball)
         # Strength shows only beside the albedos' scale; both are coated alike.
         assert surface.roughness == pytest.approx(width, rel=0.1)
         assert surface.specular == pytest.approx(found.surfaces[0].specular, rel=0.25)
+
+
+def test_a_light_that_coats_led_to_stands_where_no_coat_is_evident(ball, monkeypatch):
+    monkeypatch.setattr(settling, "_SPEAKS", -np.inf)
+    monkeypatch.setattr(settling, "_COATED_GAIN", -np.inf)
+    true = ball.light()
+    found = drain(estimate(ball.photo(true), ball.camera, ball.buffers, ball.visible, quality="draft", model="area"))
+    (light,) = found.lights
+    assert np.linalg.norm(light.centre - true.centre) < 0.02 * np.linalg.norm(true.centre)
+    assert "no gloss" in found.chosen and any(one.name == "coats all over" for one in found.candidates)
