@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from core import settling
+from core.effort import EFFORTS
 from core.materials.gloss import Gloss, Lit, base_share, specular_term
 from core.photo.samples import choose_samples, subset
 from core.pipeline import estimate
@@ -47,6 +48,7 @@ def test_coats_all_over_are_found_though_a_matt_fit_takes_them_for_shading(ball)
 
 
 def test_a_light_that_coats_led_to_stands_where_no_coat_is_evident(ball, monkeypatch):
+    monkeypatch.setitem(EFFORTS, "draft", replace(EFFORTS["draft"], gloss_rounds=0))
     monkeypatch.setattr(settling, "_SPEAKS", -np.inf)
     monkeypatch.setattr(settling, "_COATED_GAIN", -np.inf)
     true = ball.light()
