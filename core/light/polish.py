@@ -35,7 +35,7 @@ _REGION_ROUNDS = 5  # of regions and light in turn
 _BOUNCE_ROUNDS = 2  # of what the photo does not show, by the light found
 _PENUMBRA_MARGIN = 0.02  # of the light's distance: how far round a penumbra pixels are asked too
 _GRAZING = 0.2  # cosine
-_TOLD = 0.1  # of the mean brightness: what a fit leaves over that explains shading
+_TOLD = 0.25  # of the mean brightness: what a fit leaves over that explains shading
 
 
 def polished(
