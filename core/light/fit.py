@@ -125,15 +125,20 @@ def explained(fit: LightFit, samples: Samples) -> bool:
     return bool(left < (_NEXT_TO_NOTHING * np.average(brightness(samples), weights=weight)) ** 2)
 
 
+def usually_off(fit: LightFit, samples: Samples) -> float:
+    """The spread of what a fit to `samples` leaves over, in units of their mean brightness."""
+    weight = samples.weight
+    mean = float(np.average(brightness(samples), weights=weight))
+    return usual_spread(np.abs(fit.residual), weight) / max(mean, 1e-300)
+
+
 def rays_worth(fit: LightFit, problem: Problem, most: int) -> int:
     """As many rays, up to `most`, as err in a penumbra by no more than the fit leaves over elsewhere; at least one.
 
     Where a photo is explained but for its noise, few rays hide what tells the light's sides; where things are not as
     modelled, more of them tell nothing.
     """
-    weight = problem.samples.weight
-    left = usual_spread(np.abs(fit.residual), weight)
-    off = max(left / max(float(np.average(problem.brightness, weights=weight)), 1e-300), 1e-6)
+    off = max(usually_off(fit, problem.samples), 1e-6)
     return int(np.clip((0.5 / off) ** (-2 / RAY_NOISE), 1, most))  # of a half lit sample, as in `ray_variance`
 
 

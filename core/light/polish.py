@@ -18,9 +18,8 @@ from ..radiance.interreflection import patch_radiance
 from ..radiance.lights import incidence, reach_of
 from ..radiance.visibility import settled
 from ..types import Light, Progress, Samples
-from ..weighted import usual_spread
-from .fit import LightFit, at_rest, fit_light, rays_worth, result_of, with_covariance
-from .problem import Problem, brightness
+from .fit import LightFit, at_rest, fit_light, rays_worth, result_of, usually_off, with_covariance
+from .problem import Problem
 from .refinement import refined
 from .regions import regions
 from .sight import Asked, Sight, fields_along
@@ -105,8 +104,7 @@ def heard(effort: Effort, fit: LightFit, problem: Problem) -> Effort:
 
 def tells_shading(fit: LightFit, samples: Samples) -> bool:
     """Whether a fit to `samples` explains what the photo shows well enough to tell errors of penumbrae from others."""
-    mean = float(np.average(brightness(samples), weights=samples.weight))
-    return usual_spread(np.abs(fit.residual), samples.weight) < _TOLD * mean
+    return usually_off(fit, samples) < _TOLD
 
 
 def enriched(sight: Sight, light: Light, effort: Effort, apart: bool, label: Labels | None = None) -> Samples:

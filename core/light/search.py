@@ -117,19 +117,19 @@ def with_second(sight: Sight, one: Searched, effort: Effort) -> Generator[Progre
 
     What two lights explain better may be what one has wrong in its own penumbrae, so these are excused nothing.
     """
-    whole, there = one.whole.alike(), one.asked.alike()
-    pair, considered = yield from shifted(second_light(sight, whole, one.fit, effort, one.places), 0.0, 0.5)
-    if there.samples.names != whole.samples.names:
-        problem = there.problem(sight, len(there.samples), effort.polish_rays)
+    there, in_regions = one.whole.alike(), one.asked.alike()
+    pair, considered = yield from shifted(second_light(sight, there, one.fit, effort, one.places), 0.0, 0.5)
+    if in_regions.samples.names != there.samples.names:
+        problem = in_regions.problem(sight, len(in_regions.samples), effort.polish_rays)
         if not (pair and pair.score < score(problem, at_rest(one.fit, problem)) + _AS_WELL):
             # What another light draws on a surface has edges, too: it says the same with fewer numbers, or less.
-            whole = there
+            there = in_regions
             pair, considered = yield from shifted(second_light(sight, there, one.fit, effort, one.places), 0.5, 1.0)
     one = replace(one, candidates=(*one.candidates, considered))
     if pair is None:
         return one
     return replace(
-        one, fit=pair.main, asked=whole.beside(sight, pair.other.light, effort.polish_rays), second=pair.other
+        one, fit=pair.main, asked=there.beside(sight, pair.other.light, effort.polish_rays), second=pair.other
     )
 
 
