@@ -20,7 +20,7 @@ from .light.search import Searched
 from .light.sight import Asked, Sight, asked
 from .materials.coats import LEAST_LEFT, without_coats
 from .materials.gloss import Gloss, Lit
-from .materials.radiometric import FREE, ROOTS_GAIN, Radiometry, left_over, roots_left_over
+from .materials.radiometric import FREE, Radiometry, left_over, roots_left_over, roots_price
 from .materials.solve import Materials
 from .materials.under_lights import Incident, cast_and_solved, materials_under
 from .photo.samples import hues
@@ -118,7 +118,7 @@ def settled(
         freer = yield from shifted(solving, 0.95, 1.0)
         held, left = (roots_left_over(here.samples, one.radiometry.residual).mean() for one in (materials, freer))
         looked = (*looked, Candidate("freer ambient", float(left - held), 0.0))
-        if held - left > ROOTS_GAIN:
+        if held - left > roots_price(materials.radiometry):
             here, materials = plain, freer
         elif here.ambient:
             world = freer.radiometry

@@ -26,7 +26,7 @@ SCALE = "largest albedo channel 0.8, first light white: only strength times albe
 NONE, CONSTANT, SKY, FREE = "none", "constant", "sky", "free"  # what an ambient may be: see `solve_radiometry`
 _COLOUR_GAIN = 0.02  # of the logarithm of what is left over: 2 % less
 AXES = np.vstack([np.eye(3), -np.eye(3)])  # (6, 3) directions
-ROOTS_GAIN = 0.015  # of the same, of roots: an ambient that they ask for
+ROOTS_GAIN = 0.015  # of the same, of roots: what is clearly less
 _SHARES = 1e-3, 2.0, 34  # of what light there usually is: ambients that are tried, a quarter from one to the next
 _SKY_GAIN = 0.004  # of the same; without a sky the photos of suns that were tried gain 0.001 at most
 _UNLIT = 1e-3  # of the light that usually falls on a sample
@@ -76,15 +76,17 @@ def solve_radiometry(
     if roughly or ambient == NONE:
         return coloured
     plain = _with_plain_ambient(samples, lit, coloured)
-    best = coloured if left_over(samples, coloured) < left_over(samples, plain) - _COLOUR_GAIN else plain
+    clearly = left_over(samples, coloured) < left_over(samples, plain) - _COLOUR_GAIN
+    best = coloured if clearly and _has_hue(coloured) else plain
     if ambient == CONSTANT:
         return best
     under_sky = _solve(samples, lit, _towards_axes(samples), settled)
     if ambient == SKY:
-        return under_sky if left_over(samples, under_sky) < left_over(samples, best) - _SKY_GAIN else best
+        clearly = left_over(samples, under_sky) < left_over(samples, best) - _SKY_GAIN
+        return under_sky if clearly and _has_hue(under_sky) else best
     best = _by_roots(samples, lit, best)
     gain = roots_left_over(samples, best.residual).mean() - roots_left_over(samples, under_sky.residual).mean()
-    return under_sky if gain > ROOTS_GAIN else best
+    return under_sky if gain > ROOTS_GAIN and _has_hue(under_sky) else best
 
 
 def radiance_of(sky: Array) -> tuple[Array, Array]:
@@ -138,6 +140,14 @@ def _unlit(samples: Samples, light: Array) -> Mask:
     return np.asarray(np.all(surface_means(samples, light) <= _UNLIT * usual, axis=1))
 
 
+def _has_hue(found: Radiometry) -> bool:
+    """Whether the ambient, where there is one, has some of each colour that the photo has.
+
+    One that lacks a colour has met its bound: it stands for what the model has wrong, and tints all shadows.
+    """
+    return not found.ambient.any() or bool(found.ambient[found.albedo.any(axis=0)].all())
+
+
 def _with_plain_ambient(samples: Samples, shading: Array, coloured: Radiometry) -> Radiometry:
     """Solve with an ambient of the first light's colour: none, or what one channel says of it; what leaves least."""
     lit = coloured.strengths[0] > 0
@@ -169,9 +179,9 @@ def _by_roots(samples: Samples, shading: Array, found: Radiometry) -> Radiometry
 
     before, left = left_by(found.ambient / power), np.array([left_by(ratio) for ratio in tried])
     best, white, coloured = found, tried[left.mean(axis=1).argmin()], tried[left.argmin(axis=0)]
-    for ratio, price in ((np.full(3, white), ROOTS_GAIN), (coloured, _COLOUR_GAIN)):
+    for ratio, price in ((np.full(3, white), roots_price(found)), (coloured, _COLOUR_GAIN)):
         there = left_by(ratio)
-        if there.mean() < before.mean() - price:
+        if ratio.all() and there.mean() < before.mean() - price:
             best, before = _with_share(samples, shading, ratio), there
     return best
 
@@ -185,6 +195,14 @@ def _by_medians(samples: Samples, shading: Array) -> Array:
         ratio = samples.colour[of] / light[of]
         albedo[s] = [weighted_quantile(ratio[:, c], weight[:, c], 0.5) if weight[:, c].any() else 0 for c in range(3)]
     return albedo[samples.surface] * shading
+
+
+def roots_price(found: Radiometry) -> float:
+    """How much less of the roots another ambient has to leave than one that was found.
+
+    Nothing where none was: no place is without any, and shadows without show no texture.
+    """
+    return ROOTS_GAIN if found.ambient.any() else 0.0
 
 
 def roots_left_over(samples: Samples, residual: Array) -> Array:

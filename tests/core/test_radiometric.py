@@ -174,3 +174,30 @@ def test_what_the_dark_shows_of_the_ambient_is_heard_where_the_light_is_not_quit
         replace(samples, colour=5 * ALBEDO[samples.surface] * light * texture), shading, ambient=FREE
     )
     np.testing.assert_allclose(found.ambient / found.strengths[0], 0.04, rtol=0.1)
+
+
+def test_between_no_ambient_and_some_the_dark_decides():
+    """A fortieth of the photo is dark: too little to outweigh an ambient, but enough where there is none at all."""
+    rng = np.random.default_rng(4)
+    samples, shading = made(np.full((1, 3), 5.0), np.zeros(3), ALBEDO, count=1500)
+    shading[np.arange(1500) % 40 == 0] = 0.0
+    light = shading[:, :1] ** 1.4 + 0.02 * samples.openness[:, None]
+    texture = np.exp(0.2 * rng.normal(size=(1500, 1)))
+    photo = replace(samples, colour=5 * ALBEDO[samples.surface] * light * texture)
+    assert not solve_radiometry(photo, shading, ambient=CONSTANT).ambient.any()
+    found = solve_radiometry(photo, shading, ambient=FREE)
+    assert np.all(0 < found.ambient) and np.all(found.ambient < 0.03 * found.strengths[0])
+
+
+@pytest.mark.parametrize("ambient", [CONSTANT, SKY, FREE])
+def test_an_ambient_without_one_of_the_lights_colours_is_what_the_model_has_wrong(ambient):
+    samples, shading = made(np.full((1, 3), 5.0), np.array([0.5, 0.0, 0.0]), ALBEDO)
+    found = solve_radiometry(samples, shading, ambient=ambient)
+    assert np.ptp(found.ambient / found.strengths[0]) < 1e-12
+
+
+def test_a_light_without_a_colour_has_an_ambient_without_it():
+    samples, shading = made(np.array([[5.0, 4.0, 0.0]]), np.array([0.5, 0.3, 0.0]), ALBEDO)
+    found = solve_radiometry(samples, shading)
+    assert found.strengths[0, 1] == found.strengths[0, 0]  # by convention, which makes albedos less green
+    np.testing.assert_allclose(found.ambient, [0.5, 0.3 * 5 / 4, 0.0], rtol=1e-4, atol=1e-9)
