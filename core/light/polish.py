@@ -25,6 +25,7 @@ from .regions import regions
 from .sight import Asked, Sight, fields_along
 
 _LAST_RAYS = 1024  # of the last steps but two: less noise than 1 % of what a penumbra shows
+_MORE_STEPS = 8  # of those, where a side is still on its way
 _VERY_LAST_RAYS, _VERY_LAST_STEPS = 4096, 2  # where steps are small, and each costs but one look: a third of that noise
 _LAST_OPEN_RAYS = 512  # of openness, whose noise with fewer is that of a per cent of an ambient of 6 %
 _WORTH_IT = 64  # rays a sample, for last steps to be taken: a photo explained to 2 % or so
@@ -87,10 +88,10 @@ def finished(sight: Sight, here: Asked, fit: LightFit, effort: Effort) -> Genera
         seen = result_of(many, at_rest(fit, many), fit.iterations, fit.converged)
         if rays_worth(seen, many, _LAST_RAYS) >= _WORTH_IT:
             problem = many
-            last = (_LAST_RAYS, effort.last_steps, 0.0, 0.4)
-            very_last = (_VERY_LAST_RAYS, _VERY_LAST_STEPS, 0.4, 0.9)
-            for rays, steps, begin, end in (last, very_last):
-                better = refined(replace(problem, rays=rays), fit, iterations=steps)
+            last = (_LAST_RAYS, effort.last_steps, _MORE_STEPS, 0.0, 0.4)
+            very_last = (_VERY_LAST_RAYS, _VERY_LAST_STEPS, 0, 0.4, 0.9)
+            for rays, steps, more, begin, end in (last, very_last):
+                better = refined(replace(problem, rays=rays), fit, iterations=steps, more=more)
                 fit = yield from watched(better, begin, end, "Asking penumbrae with more rays")
     yield Progress(0.9, "Finding out how sure this is")
     problem, around = here.apart(problem, fit.around)

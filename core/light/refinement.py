@@ -28,15 +28,16 @@ _TRIALS = 5  # of a step, each ten times as damped
 _SETTLED = 1e-4  # of the loss: two steps in a row that lower it by less are the last
 
 
-def refined(problem: Problem, fit: LightFit, *, iterations: int) -> Generator[float, None, LightFit]:
+def refined(problem: Problem, fit: LightFit, *, iterations: int, more: int = 0) -> Generator[float, None, LightFit]:
     """Take the last steps from a fit; a generator that yields the mean loss after each and returns what they lead to.
 
     problem : what the fit was made to, with many rays
     iterations : most steps to take; where the last of them gains no more than rays err by, the fit has converged, too
+    more : most steps to take after these, for as long as it has not
     """
     state = at_rest(fit, problem)
     damping, quiet, converged, done = _DAMPING, 0, False, 0
-    for done in range(1, iterations + 1):  # noqa: B007 - `done` is read after the loop
+    for done in range(1, iterations + more + 1):
         expected = likeliest_residual(problem, state)
         before, error = cost(problem, state, expected), cost_deviation(problem, state, expected)
         found, after, damping = _stepped(problem, state, expected, before + error, damping)
@@ -47,7 +48,7 @@ def refined(problem: Problem, fit: LightFit, *, iterations: int) -> Generator[fl
         yield after
         quiet = quiet + 1 if before - after < _SETTLED * before else 0
         converged = quiet == 2 or before - after < error
-        if quiet == 2:
+        if quiet == 2 or (converged and done >= iterations):
             break
     return result_of(problem, state, fit.iterations + done, converged)
 

@@ -186,7 +186,7 @@ def test_between_no_ambient_and_some_the_dark_decides():
     photo = replace(samples, colour=5 * ALBEDO[samples.surface] * light * texture)
     assert not solve_radiometry(photo, shading, ambient=CONSTANT).ambient.any()
     found = solve_radiometry(photo, shading, ambient=FREE)
-    assert np.all(0 < found.ambient) and np.all(found.ambient < 0.03 * found.strengths[0])
+    assert np.all(found.ambient > 0) and np.all(found.ambient < 0.03 * found.strengths[0])
 
 
 @pytest.mark.parametrize("ambient", [CONSTANT, SKY, FREE])

@@ -113,3 +113,16 @@ def test_sides_that_strength_makes_up_for_are_not_held_back():
     free, held = damped_steps(slopes.T @ slopes, slopes.T @ (slopes @ wanted), 1e-2, places=1)
     np.testing.assert_allclose(free, wanted, rtol=0.02)
     assert held[0] < 0.1 * wanted[0]
+
+
+def test_a_side_that_is_still_on_its_way_is_followed_to_its_end(ball):
+    """Half its size is five of the largest steps away; and where all is found, no more is asked."""
+    true = ball.light()
+    problem = problem_of(ball, ball.photo(true, noise=0.003), 256)
+    begun = replace(moved(true, np.array([0, 0, 0, 0, 0, 0, -0.7, -0.7]), 1.0), radiance=np.ones(3))
+    begun = drain(fit_light(problem, begun, iterations=0))
+    short, long = (drain(refined(problem, begun, iterations=4, more=more)) for more in (0, 12))
+    assert not short.converged and long.converged
+    assert off(short.light, true)[2:].max() > 10 and off(long.light, true)[2:].max() < 4
+    again = drain(refined(problem, long, iterations=4, more=12))
+    assert again.iterations - long.iterations <= 4
