@@ -159,9 +159,11 @@ def main() -> None:
     parser.add_argument("--edits", nargs="+", choices=tuple(EDITS), default=tuple(EDITS))
     parser.add_argument("--known", action="store_true")
     parser.add_argument("--quality", choices=QUALITIES, default="accurate")
-    parser.add_argument("--pictures", type=Path)
+    parser.add_argument("--pictures", type=Path, metavar="FOLDER")
     parser.add_argument("--oracle", action="store_true")
     chosen = parser.parse_args()
+    if chosen.pictures:
+        chosen.pictures.mkdir(parents=True, exist_ok=True)
     columns = [*COLUMNS, *(["oracle dB"] if chosen.oracle else [])]
     print(line(columns) + "\n" + line(["---"] * len(columns)))
     rows = []
