@@ -65,8 +65,9 @@ def solve_radiometry(
     bounced : (N, 3) what other surfaces send, over the first light's strength
     roughly : to a thousandth, with an ambient of whatever colour fits best: an eighth of the work
     Residuals beyond their surface's usual spread count less (soft-L1), so highlights and unmodelled things do not pull.
-    The ambient gets a colour of its own only where that leaves clearly less over than the first light's colour does:
-    the darkest pixels of textured surfaces say little about it, and a wrong one shows in every shadow.
+    The ambient gets a colour of its own only where that leaves clearly less over than the first light's colour does,
+    and lacks no colour: the darkest pixels of textured surfaces say little about it, and a wrong one shows in every
+    shadow.
     """
     lit = np.repeat(shading[..., None], 3, axis=2) if shading.ndim == 2 else shading.copy()
     if bounced is not None:
@@ -164,7 +165,8 @@ def _with_share(samples: Samples, shading: Array, ratio: Array) -> Radiometry:
 
 
 def _by_roots(samples: Samples, shading: Array, found: Radiometry) -> Radiometry:
-    """Solve with the ambient that leaves least of the photo's roots, white or not, where it leaves clearly less.
+    """Solve with the ambient that leaves least of the photo's roots, white or of every colour, where it leaves clearly
+    less, or anything less than none at all.
 
     Linear residuals are those of what is bright, its texture. Where much is not as modelled they hardly hear the dark,
     which shows the ambient alone; the root of radiance, as noisy in the dark as in the light, does.
