@@ -163,29 +163,27 @@ def test_texture_in_the_light_does_not_bend_the_ambient():
     np.testing.assert_allclose(found.ambient / found.strengths[0], 0.03, rtol=0.06)
 
 
-def test_what_the_dark_shows_of_the_ambient_is_heard_where_the_light_is_not_quite_as_modelled():
-    """Shading that falls too slowly asks for less than none; the fifth that lies in the dark shows what there is."""
+def too_slowly(every, ambient):
+    """Textured samples whose shading falls too slowly, and so asks for less ambient than none; one in some is dark."""
     rng = np.random.default_rng(4)
     samples, shading = made(np.full((1, 3), 5.0), np.zeros(3), ALBEDO, count=1500)
-    shading[np.arange(1500) % 5 == 0] = 0.0
-    light = shading[:, :1] ** 1.4 + 0.04 * samples.openness[:, None]
+    shading[np.arange(1500) % every == 0] = 0.0
+    light = shading[:, :1] ** 1.4 + ambient * samples.openness[:, None]
     texture = np.exp(0.2 * rng.normal(size=(1500, 1)))
-    found = solve_radiometry(
-        replace(samples, colour=5 * ALBEDO[samples.surface] * light * texture), shading, ambient=FREE
-    )
+    return replace(samples, colour=5 * ALBEDO[samples.surface] * light * texture), shading
+
+
+def test_what_the_dark_shows_of_the_ambient_is_heard_where_the_light_is_not_quite_as_modelled():
+    """The fifth that lies in the dark shows what there is."""
+    found = solve_radiometry(*too_slowly(5, 0.04), ambient=FREE)
     np.testing.assert_allclose(found.ambient / found.strengths[0], 0.04, rtol=0.1)
 
 
 def test_between_no_ambient_and_some_the_dark_decides():
     """A fortieth of the photo is dark: too little to outweigh an ambient, but enough where there is none at all."""
-    rng = np.random.default_rng(4)
-    samples, shading = made(np.full((1, 3), 5.0), np.zeros(3), ALBEDO, count=1500)
-    shading[np.arange(1500) % 40 == 0] = 0.0
-    light = shading[:, :1] ** 1.4 + 0.02 * samples.openness[:, None]
-    texture = np.exp(0.2 * rng.normal(size=(1500, 1)))
-    photo = replace(samples, colour=5 * ALBEDO[samples.surface] * light * texture)
-    assert not solve_radiometry(photo, shading, ambient=CONSTANT).ambient.any()
-    found = solve_radiometry(photo, shading, ambient=FREE)
+    photo = too_slowly(40, 0.02)
+    assert not solve_radiometry(*photo, ambient=CONSTANT).ambient.any()
+    found = solve_radiometry(*photo, ambient=FREE)
     assert np.all(found.ambient > 0) and np.all(found.ambient < 0.03 * found.strengths[0])
 
 
