@@ -122,7 +122,9 @@ def measure(
         scaled = photo.linear * true[name].mean() / photo.linear.mean()
         errors, usual = _errors(result, true[name]), _errors(scaled, true[name])
         changed = np.abs(_encoded(true[name]) - _encoded(unedited)).max(axis=2) > CHANGED
-        over = _errors(result[changed], true[name][changed])[0] - _errors(scaled[changed], true[name][changed])[0]
+        over = np.nan  # where the edit hardly shows
+        if changed.any():
+            over = _errors(result[changed], true[name][changed])[0] - _errors(scaled[changed], true[name][changed])[0]
         out[name] = {"psnr": errors[0], "rmse": errors[1], "over": over, "usual": usual[1]}
         if was is not None:
             out[name]["oracle"] = _told(photo.linear, was, drain(render(scene, SAMPLES)), true[name])
@@ -175,7 +177,8 @@ def main() -> None:
                 found = measure(folder, chosen.edits, chosen.known, chosen.quality, chosen.pictures, chosen.oracle)
                 for edit, e in found.items():
                     rows.append(e)
-                    cells = [kind, str(seed), edit, f"{e['psnr']:.1f}", f"{e['over']:+.1f}", f"{e['rmse']:.1f}"]
+                    over = "–" if np.isnan(e["over"]) else f"{e['over']:+.1f}"
+                    cells = [kind, str(seed), edit, f"{e['psnr']:.1f}", over, f"{e['rmse']:.1f}"]
                     told = [f"{e['oracle']:.1f}"] if chosen.oracle else []
                     print(line([*cells, f"{e['usual']:.0f}", *told]), flush=True)
     finally:
@@ -183,7 +186,8 @@ def main() -> None:
     values = {key: np.array([row[key] for row in rows]) for key in ("psnr", "over", "rmse")}
     print(
         f"\nPSNR: median {np.median(values['psnr']):.1f} dB, worst {values['psnr'].min():.1f} dB; "
-        f"over the scaled photo: least {values['over'].min():.1f} dB; RMSE: median {np.median(values['rmse']):.1f} %"
+        f"over the scaled photo: least {np.nanmin(values['over']):.1f} dB; "
+        f"RMSE: median {np.median(values['rmse']):.1f} %"
     )
 
 
