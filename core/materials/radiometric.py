@@ -13,7 +13,9 @@ them (Ramamoorthi and Hanrahan 2001). With M the openness times the mean open di
 levels times (O + M.a) / 6: a table hides what is below it.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -77,17 +79,15 @@ def solve_radiometry(
     if roughly or ambient == NONE:
         return coloured
     plain = _with_plain_ambient(samples, lit, coloured)
-    clearly = left_over(samples, coloured) < left_over(samples, plain) - _COLOUR_GAIN
-    best = coloured if clearly and _has_hue(coloured) else plain
+    left = partial(left_over, samples)
+    best = _richer(plain, coloured, left, _COLOUR_GAIN)
     if ambient == CONSTANT:
         return best
     under_sky = _solve(samples, lit, _towards_axes(samples), settled)
     if ambient == SKY:
-        clearly = left_over(samples, under_sky) < left_over(samples, best) - _SKY_GAIN
-        return under_sky if clearly and _has_hue(under_sky) else best
+        return _richer(best, under_sky, left, _SKY_GAIN)
     best = _by_roots(samples, lit, best)
-    gain = roots_left_over(samples, best.residual).mean() - roots_left_over(samples, under_sky.residual).mean()
-    return under_sky if gain > ROOTS_GAIN and _has_hue(under_sky) else best
+    return _richer(best, under_sky, lambda one: float(roots_left_over(samples, one.residual).mean()), ROOTS_GAIN)
 
 
 def radiance_of(sky: Array) -> tuple[Array, Array]:
@@ -141,12 +141,13 @@ def _unlit(samples: Samples, light: Array) -> Mask:
     return np.asarray(np.all(surface_means(samples, light) <= _UNLIT * usual, axis=1))
 
 
-def _has_hue(found: Radiometry) -> bool:
-    """Whether the ambient, where there is one, has some of each colour that the photo has.
+def _richer(simple: Radiometry, rich: Radiometry, left: Callable[[Radiometry], float], price: float) -> Radiometry:
+    """The richer of two ambients, where it leaves so much less and has some of each colour that the photo has.
 
     One that lacks a colour has met its bound: it stands for what the model has wrong, and tints all shadows.
     """
-    return not found.ambient.any() or bool(found.ambient[found.albedo.any(axis=0)].all())
+    has_hue = not rich.ambient.any() or bool(rich.ambient[rich.albedo.any(axis=0)].all())
+    return rich if has_hue and left(rich) < left(simple) - price else simple
 
 
 def _with_plain_ambient(samples: Samples, shading: Array, coloured: Radiometry) -> Radiometry:
