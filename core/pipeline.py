@@ -11,6 +11,7 @@ from .assembly import Clock, assembled, failed, united
 from .effort import EFFORTS, Effort
 from .light.fit import LightFit, explained
 from .light.hints import Hint
+from .light.polish import finished
 from .light.response_fit import Response, likeliest_response
 from .light.search import Searched, search, with_second, without_highlights
 from .light.sight import Asked, Sight, asked, look
@@ -208,9 +209,16 @@ def _response(
 
 def _perhaps_two(sight: Sight, one: Searched, effort: Effort) -> Generator[Progress, None, Searched]:
     """The light found, with a second where the photo demands one even when highlights are taken out of it."""
-    two = yield from shifted(with_second(sight, one, effort), 0.0, 0.4)
+    two = yield from shifted(with_second(sight, one, effort), 0.0, 0.2)
     if two.second is None:
         return two
+    # What another light explains may be no more than what this one has wrong before its last steps.
+    last = yield from shifted(finished(sight, one.asked, one.fit, effort), 0.2, 0.3)
+    if last.light is not one.fit.light:
+        one = replace(one, fit=last)
+        two = yield from shifted(with_second(sight, one, effort), 0.3, 0.4)
+        if two.second is None:
+            return two
     _, materials = yield from shifted(cast_and_solved(sight, one.asked, (one.fit.light,), effort, one.bounce), 0.4, 0.5)
     if materials.matt is None:
         return two

@@ -180,10 +180,12 @@ def _by_roots(samples: Samples, shading: Array, found: Radiometry) -> Radiometry
     def left_by(ratio: Array | float) -> Array:
         return roots_left_over(samples, samples.colour - _by_medians(samples, lit + ratio * samples.openness[:, None]))
 
+    # Channels are told apart: the best of each colour is the best of all channels by themselves.
     before, left = left_by(found.ambient / power), np.array([left_by(ratio) for ratio in tried])
-    best, white, coloured = found, tried[left.mean(axis=1).argmin()], tried[left.argmin(axis=0)]
-    for ratio, price in ((np.full(3, white), roots_price(found)), (coloured, _COLOUR_GAIN)):
-        there = left_by(ratio)
+    best, of_white, of_each = found, left.mean(axis=1).argmin(), left.argmin(axis=0)
+    white = np.full(3, tried[of_white]), left[of_white], roots_price(found)
+    coloured = tried[of_each], left.min(axis=0), _COLOUR_GAIN
+    for ratio, there, price in (white, coloured):
         if ratio.all() and there.mean() < before.mean() - price:
             best, before = _with_share(samples, shading, ratio), there
     return best

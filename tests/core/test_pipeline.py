@@ -5,12 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from core import pipeline
+from core.effort import EFFORTS
 from core.errors import NothingToLearn
 from core.photo.samples import choose_samples
 from core.pipeline import estimate, solve
 from core.progress import drain
 from core.radiance.visibility import opened
-from core.types import AreaLight, Photo, PointLight, SunLight
+from core.types import AreaLight, Photo, PointLight, Progress, SunLight
 
 ALBEDO = {"floor": np.array([0.5, 0.45, 0.4]), "ball": np.array([0.8, 0.3, 0.2])}
 
@@ -149,6 +151,28 @@ def test_one_light_is_not_taken_for_two_and_the_report_says_what_was_considered(
     assert len(found.lights) == 1
     (gain,) = [candidate.score for candidate in found.candidates if candidate.name == "second light"]
     assert gain > -0.1
+
+
+def test_a_second_light_is_sought_again_once_the_first_has_taken_its_last_steps(ball, monkeypatch):
+    """As long as the first is off, another light explains what it has wrong."""
+    monkeypatch.setitem(EFFORTS, "draft", replace(EFFORTS["draft"], last_steps=4))
+    truth, plain, off = ball.light(), pipeline.search, []
+
+    def astray(*asked, **how):
+        found = yield from plain(*asked, **how)
+        light = replace(found.fit.light, centre=1.01 * found.fit.light.centre)
+        return replace(found, fit=replace(found.fit, light=light))
+
+    def needed(sight, one, effort):
+        yield Progress(0.0, "")
+        off.append(np.linalg.norm(one.fit.light.centre - truth.centre) / np.linalg.norm(truth.centre))
+        return replace(one, second=one.fit) if off[-1] > 0.005 else one
+
+    monkeypatch.setattr(pipeline, "search", astray)
+    monkeypatch.setattr(pipeline, "with_second", needed)
+    found = blind(ball, ball.photo(truth), quality="draft")
+    assert len(found.lights) == 1 and len(off) == 2 and off[0] > 0.008
+    assert max(errors(found.lights[0], truth)) < 1.0
 
 
 def test_an_edge_of_albedo_is_not_taken_for_the_lights_own_gradient(ball):
