@@ -15,7 +15,7 @@ from .light.polish import finished
 from .light.response_fit import Response, likeliest_response
 from .light.search import Searched, search, with_second, without_highlights
 from .light.sight import Asked, Sight, asked, look
-from .light.uncertainty import uncertainty_of
+from .light.uncertainty import INTERVAL, uncertainty_of
 from .materials.ambient import richer_ambient
 from .materials.radiometric import CONSTANT, SKY, left_over
 from .materials.scale import Card, scaled
@@ -42,6 +42,7 @@ from .types import (
 )
 
 _SECOND_GAIN = 0.05  # of the logarithm of what is left over: a second light explains more than that beside highlights
+_VAGUE = 0.3  # of a light's distance: an interval of its centre beyond that is worth a warning
 _RESPONSE_ROUNDS = 2  # of light and response in turn
 
 
@@ -113,6 +114,13 @@ def estimate(
             f"The photo's response is not what its file says: its linear values to the power {response.exponent:.2f} "
             "are explained better. Have the response fitted, or export the photo without a tone curve."
         )
+    for light, how in zip(lights, sure, strict=True):
+        off = INTERVAL * how.centre / reach_of(light, sight.middle)
+        if off > _VAGUE:
+            warnings.append(
+                f"The photo hardly tells where the light is: it may be off by {100 * off:.0f} % of its distance. "
+                "Hint at it, or model what else casts shadows or light."
+            )
     if not last.fit.converged:
         warnings.append("The fit was still improving when it stopped.")
     return replace(

@@ -232,7 +232,8 @@ def _once_more(
     # As many residuals as are independent: against what is expected of the levels the rest would count double.
     weight = loss_weight(problem, now, spread_of(problem, now)) * told / len(samples)
     root = np.sqrt(weight)[:, None]
-    size = np.maximum(np.linalg.norm(np.vstack([root * terms, small]), axis=0), 1e-300)
+    norm = np.linalg.norm(np.vstack([root * terms, small]), axis=0)
+    size = np.where(norm > 0, norm, 1.0)
     rows = np.vstack(
         [
             np.column_stack([root * terms / size, root[:, 0] * (now.residual(problem) + terms @ before)]),

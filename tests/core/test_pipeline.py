@@ -175,6 +175,16 @@ def test_a_second_light_is_sought_again_once_the_first_has_taken_its_last_steps(
     assert max(errors(found.lights[0], truth)) < 1.0
 
 
+def test_a_photo_that_hardly_tells_where_the_light_is_says_so(ball):
+    """A patch of the floor beside the ball, and its shading alone: many a light explains that."""
+    truth, away = ball.light(), ball.buffers.point[..., :2] - [0.9, 0.9]
+    patch = (ball.buffers.surface == 0) & (np.linalg.norm(away, axis=-1) < 0.5)
+    photo = ball.photo(truth, ambient=0.1, noise=0.1, seed=1)
+    found = blind(ball, replace(photo, clipped=~patch), quality="draft")
+    assert any("hardly tells where the light is" in one for one in found.warnings)
+    assert not any("hardly" in one for one in blind(ball, photo, quality="draft").warnings)
+
+
 def test_an_edge_of_albedo_is_not_taken_for_the_lights_own_gradient(ball):
     """The floor is darker by 1.8 beyond a line; without a region of its own the light tilts to stand for that."""
     truth = ball.light()
