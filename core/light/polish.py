@@ -15,9 +15,9 @@ from ..photo.samples import choose_samples, hues, subset
 from ..photo.segmentation import Labels
 from ..progress import shifted, watched
 from ..radiance.interreflection import patch_radiance
-from ..radiance.lights import incidence, reach_of
+from ..radiance.lights import incidence, reach_of, shading
 from ..radiance.visibility import settled
-from ..types import Light, Progress, Samples
+from ..types import Buffers, Light, Progress, Samples
 from .fit import LightFit, at_rest, fit_light, rays_worth, result_of, usually_off, with_covariance
 from .problem import Problem
 from .refinement import refined
@@ -35,6 +35,8 @@ _REGION_ROUNDS = 5  # of regions and light in turn
 _BOUNCE_ROUNDS = 2  # of what the photo does not show, by the light found
 _PENUMBRA_MARGIN = 0.02  # of the light's distance: how far round a penumbra pixels are asked too
 _GRAZING = 0.2  # cosine
+_FILTER = 1 / 6  # variance of a pixel's filter, square pixels: Cycles' usual one has 0.17, a pixel's own square 1/12
+_BENT, _UNLIKE_MOST = 5e-4, 3.0  # of the usual shading; of what is usual for a surface: shading that bends in a pixel
 _TOLD = 0.25  # of the mean brightness: what a fit leaves over that explains shading
 
 
@@ -83,7 +85,9 @@ def finished(sight: Sight, here: Asked, fit: LightFit, effort: Effort) -> Genera
     """The polished fit after its last steps, if the effort has any and the photo is worth them, and how sure it is."""
     problem = here.problem(sight, len(here.samples), effort.polish_rays)
     if effort.last_steps and rays_worth(fit, problem, _LAST_RAYS) >= _MAY_BE_WORTH_IT:
-        many = here.first(_LAST_SAMPLES).opened(sight, _LAST_OPEN_RAYS).problem(sight, _LAST_SAMPLES, _LAST_RAYS)
+        last_asked = here.first(_LAST_SAMPLES).opened(sight, _LAST_OPEN_RAYS)
+        last_asked = replace(last_asked, samples=as_filtered(last_asked.samples, fit.light, sight.buffers))
+        many = last_asked.problem(sight, _LAST_SAMPLES, _LAST_RAYS)
         # Noise of the fit's own rays is part of what it leaves over: seen with more of them, a photo is worth more.
         seen = result_of(many, at_rest(fit, many), fit.iterations, fit.converged)
         if rays_worth(seen, many, _LAST_RAYS) >= _WORTH_IT:
@@ -132,3 +136,29 @@ def enriched(sight: Sight, light: Light, effort: Effort, apart: bool, label: Lab
     keep = np.concatenate([inside, outside])[np.argsort(turn, kind="stable")]
     asked = subset(replace(pool, weight=weight, penumbra=edge if apart else None), keep)
     return pooled(asked, sight.photo, sight.buffers, ~edge[keep], label)
+
+
+def as_filtered(samples: Samples, light: Light, buffers: Buffers) -> Samples:
+    """Spread shadow rays as far over a pixel as its filter sees, and ask nothing of samples whose shading bends there.
+
+    Such are on creases and where a small light sets behind a curve: a larger light would explain what they show. On a
+    surface so small that all of its lit part bends, they are those that bend by more than is usual there.
+    """
+    column, row = samples.pixel.T // buffers.stride
+    height, width = buffers.surface.shape
+    own = buffers.surface[row, column]
+    middle = shading(light, buffers.point[row, column], buffers.normal[row, column])
+    more = np.zeros(len(samples))
+    for right, down in ((1, 0), (-1, 0), (0, 1), (0, -1)):
+        x, y = np.clip(column + right, 0, width - 1), np.clip(row + down, 0, height - 1)
+        same = (buffers.surface[y, x] == own) & ~buffers.mixed[y, x]
+        there = y[same], x[same]
+        more[same] += shading(light, buffers.point[there], buffers.normal[there]) - middle[same]
+    # What a pixel shows more than its middle: half its filter's variance times the second differences of its shading.
+    bend = np.abs(more) * _FILTER / 2 / buffers.stride**2
+    limit = np.full(len(samples), _BENT * np.average(middle, weights=samples.weight))
+    for s in np.unique(own[middle > 0]):
+        of = own == s
+        limit[of] = np.maximum(limit[of], _UNLIKE_MOST * np.median(bend[of & (middle > 0)]))
+    footprint = None if samples.footprint is None else np.sqrt(12 * _FILTER) * samples.footprint
+    return replace(samples, footprint=footprint, weight=np.where(bend > limit, 0.0, samples.weight))

@@ -8,6 +8,7 @@ import pytest
 from core import pipeline
 from core.effort import EFFORTS
 from core.errors import NothingToLearn
+from core.light import polish
 from core.photo.samples import choose_samples
 from core.pipeline import estimate, solve
 from core.progress import drain
@@ -156,6 +157,8 @@ def test_one_light_is_not_taken_for_two_and_the_report_says_what_was_considered(
 def test_a_second_light_is_sought_again_once_the_first_has_taken_its_last_steps(ball, monkeypatch):
     """As long as the first is off, another light explains what it has wrong."""
     monkeypatch.setitem(EFFORTS, "draft", replace(EFFORTS["draft"], last_steps=4))
+    monkeypatch.setattr(polish, "_WORTH_IT", 0)
+    monkeypatch.setattr(polish, "_MAY_BE_WORTH_IT", 0)
     truth, plain, off = ball.light(), pipeline.search, []
 
     def astray(*asked, **how):
