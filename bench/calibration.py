@@ -24,7 +24,7 @@ from pathlib import Path
 import numpy as np
 
 from ..core.effort import EFFORTS
-from ..core.light.polish import finished
+from ..core.light.polish import as_filtered, finished
 from ..core.light.search import Searched, search
 from ..core.light.sight import look
 from ..core.light.uncertainty import INTERVAL, uncertainty_of
@@ -118,7 +118,7 @@ def compared(made: Shot, found: Searched, middle: Array, *, with_bound: bool) ->
         "converged": found.fit.converged,
     }
     if with_bound:
-        out["bound"] = bound(made, samples, middle)
+        out["bound"] = bound(made, as_filtered(samples), middle)
     return json.loads(json.dumps(out, default=lambda value: value.tolist()))
 
 

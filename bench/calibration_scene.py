@@ -12,6 +12,7 @@ import numpy as np
 
 from ..core.camera import pixel_centres, rays
 from ..core.color import linear_to_srgb, srgb_to_linear
+from ..core.light.polish import as_filtered
 from ..core.light.starts import in_view
 from ..core.photo.samples import choose_samples, extent_of, subset
 from ..core.radiance.lights import across, facing, reach_of, shading
@@ -178,7 +179,7 @@ def shot(seed: int, width: int, height: int, *, most_ambient: float) -> Shot:
     buffers = scene.seen(camera)
     light = random_light(rng, camera, buffers)
     all_hit = Photo(np.ones((height, width, 3)), np.zeros((height, width), dtype=bool))
-    pixels = choose_samples(all_hit, camera, buffers, EVERY)
+    pixels = as_filtered(choose_samples(all_hit, camera, buffers, EVERY))
     middle, extent = extent_of(pixels)
     facing_it = (light.centre - AIM) / np.linalg.norm(light.centre - AIM)
     ambient = rng.uniform(0.0, most_ambient) * float(shading(light, AIM[None], facing_it[None])[0])

@@ -85,9 +85,9 @@ def finished(sight: Sight, here: Asked, fit: LightFit, effort: Effort) -> Genera
     """The polished fit after its last steps, if the effort has any and the photo is worth them, and how sure it is."""
     problem = here.problem(sight, len(here.samples), effort.polish_rays)
     if effort.last_steps and rays_worth(fit, problem, _LAST_RAYS) >= _MAY_BE_WORTH_IT:
-        last_asked = here.first(_LAST_SAMPLES).opened(sight, _LAST_OPEN_RAYS)
-        last_asked = replace(last_asked, samples=as_filtered(last_asked.samples, fit.light, sight.buffers))
-        many = last_asked.problem(sight, _LAST_SAMPLES, _LAST_RAYS)
+        some = here.first(_LAST_SAMPLES).opened(sight, _LAST_OPEN_RAYS)
+        seen_by = as_filtered(without_bends(some.samples, fit.light, sight.buffers))
+        many = replace(some, samples=seen_by).problem(sight, _LAST_SAMPLES, _LAST_RAYS)
         # Noise of the fit's own rays is part of what it leaves over: seen with more of them, a photo is worth more.
         seen = result_of(many, at_rest(fit, many), fit.iterations, fit.converged)
         if rays_worth(seen, many, _LAST_RAYS) >= _WORTH_IT:
@@ -138,11 +138,18 @@ def enriched(sight: Sight, light: Light, effort: Effort, apart: bool, label: Lab
     return pooled(asked, sight.photo, sight.buffers, ~edge[keep], label)
 
 
-def as_filtered(samples: Samples, light: Light, buffers: Buffers) -> Samples:
-    """Spread shadow rays as far over a pixel as its filter sees, and ask nothing of samples whose shading bends there.
+def as_filtered(samples: Samples) -> Samples:
+    """Spread the samples' shadow rays as far over a pixel as its filter sees."""
+    if samples.footprint is None:
+        return samples
+    return replace(samples, footprint=np.sqrt(12 * _FILTER) * samples.footprint)
 
-    Such are on creases and where a small light sets behind a curve: a larger light would explain what they show. On a
-    surface so small that all of its lit part bends, they are those that bend by more than is usual there.
+
+def without_bends(samples: Samples, light: Light, buffers: Buffers) -> Samples:
+    """Ask nothing of samples whose shading bends within a pixel, on creases or where a small light sets behind curves.
+
+    A larger light would explain what they show. On a surface so small that all of its lit part bends, they are those
+    that bend by more than is usual there.
     """
     column, row = samples.pixel.T // buffers.stride
     height, width = buffers.surface.shape
@@ -160,5 +167,4 @@ def as_filtered(samples: Samples, light: Light, buffers: Buffers) -> Samples:
     for s in np.unique(own[middle > 0]):
         of = own == s
         limit[of] = np.maximum(limit[of], _UNLIKE_MOST * np.median(bend[of & (middle > 0)]))
-    footprint = None if samples.footprint is None else np.sqrt(12 * _FILTER) * samples.footprint
-    return replace(samples, footprint=footprint, weight=np.where(bend > limit, 0.0, samples.weight))
+    return replace(samples, weight=np.where(bend > limit, 0.0, samples.weight))

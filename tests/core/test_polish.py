@@ -6,7 +6,7 @@ import numpy as np
 
 from core.camera import rays
 from core.effort import EFFORTS
-from core.light.polish import as_filtered, enriched
+from core.light.polish import as_filtered, enriched, without_bends
 from core.light.sight import look
 from core.photo.samples import choose_samples, subset
 from core.radiance.lights import facing, reach_of, shading
@@ -48,7 +48,7 @@ def test_pixels_astride_the_shadow_line_of_a_small_light_are_not_asked(ball):
         return np.abs(mean / total - middle[samples.surface == 1]) / usual
 
     everywhere = choose_samples(photo, ball.camera, ball.buffers, effort.pool)
-    asked = subset(everywhere, as_filtered(everywhere, light, ball.buffers).weight > 0)
+    asked = subset(everywhere, without_bends(everywhere, light, ball.buffers).weight > 0)
     assert off(everywhere).max() > 0.006 and off(asked).max() < 0.4 * off(everywhere).max()
     assert (asked.surface == 1).sum() > 0.8 * (everywhere.surface == 1).sum()
 
@@ -56,7 +56,7 @@ def test_pixels_astride_the_shadow_line_of_a_small_light_are_not_asked(ball):
 def test_a_pixel_is_seen_through_a_filter_as_wide_as_that_of_cycles(ball):
     """Blackman and Harris's window, three pixels wide as Cycles' default makes it, has a variance of 0.17."""
     samples = choose_samples(ball.photo(ball.light()), ball.camera, ball.buffers, 50)
-    wider = as_filtered(replace(samples, footprint=np.tile(np.eye(3)[:2], (50, 1, 1))), ball.light(), ball.buffers)
+    wider = as_filtered(replace(samples, footprint=np.tile(np.eye(3)[:2], (50, 1, 1))))
     offset = ray_starts(wider, 4096, np.arange(50)) - ray_starts(replace(wider, footprint=None), 1, np.arange(50))
     x = np.linspace(-1.5, 1.5, 30_001)
     window = sum(a * np.cos(2 * np.pi * k * x / 3) for k, a in enumerate((0.35875, 0.48829, 0.14128, 0.01168)))
