@@ -172,7 +172,8 @@ def cramer_rao(truth: dict, true: AreaLight, photo: Photo, view: SceneView, buff
     noise = np.maximum(0.01 * samples.colour, 0.001)
     deviation = np.sqrt(((direction[samples.surface] * noise) ** 2).sum(axis=1))
     pixels = samples.weight * buffers.stride**2
-    covariance = np.linalg.inv(jacobian.T @ (jacobian * (pixels / deviation**2)[:, None]))
+    # A surface in the dark tells no strength of its own, and nothing else.
+    covariance = np.linalg.pinv(jacobian.T @ (jacobian * (pixels / deviation**2)[:, None]), hermitian=True)
     spread = np.sqrt(np.diag(covariance))
     reach = np.linalg.norm(true.centre - middle)
     return {
