@@ -11,7 +11,7 @@ import numpy as np
 
 from ..effort import Effort
 from ..photo.pooling import pooled
-from ..photo.samples import choose_samples, hues, subset
+from ..photo.samples import beside, choose_samples, hues, subset
 from ..photo.segmentation import Labels
 from ..progress import shifted, watched
 from ..radiance.interreflection import patch_radiance
@@ -86,8 +86,8 @@ def finished(sight: Sight, here: Asked, fit: LightFit, effort: Effort) -> Genera
     problem = here.problem(sight, len(here.samples), effort.polish_rays)
     if effort.last_steps and rays_worth(fit, problem, _LAST_RAYS) >= _MAY_BE_WORTH_IT:
         some = here.first(_LAST_SAMPLES).opened(sight, _LAST_OPEN_RAYS)
-        seen_by = as_filtered(without_bends(some.samples, fit.light, sight.buffers))
-        many = replace(some, samples=seen_by).problem(sight, _LAST_SAMPLES, _LAST_RAYS)
+        filtered = as_filtered(without_bends(some.samples, fit.light, sight.buffers))
+        many = replace(some, samples=filtered).problem(sight, _LAST_SAMPLES, _LAST_RAYS)
         # Noise of the fit's own rays is part of what it leaves over: seen with more of them, a photo is worth more.
         seen = result_of(many, at_rest(fit, many), fit.iterations, fit.converged)
         if rays_worth(seen, many, _LAST_RAYS) >= _WORTH_IT:
@@ -152,15 +152,12 @@ def without_bends(samples: Samples, light: Light, buffers: Buffers) -> Samples:
     that bend by more than is usual there.
     """
     column, row = samples.pixel.T // buffers.stride
-    height, width = buffers.surface.shape
     own = buffers.surface[row, column]
     middle = shading(light, buffers.point[row, column], buffers.normal[row, column])
     more = np.zeros(len(samples))
     for right, down in ((1, 0), (-1, 0), (0, 1), (0, -1)):
-        x, y = np.clip(column + right, 0, width - 1), np.clip(row + down, 0, height - 1)
-        same = (buffers.surface[y, x] == own) & ~buffers.mixed[y, x]
-        there = y[same], x[same]
-        more[same] += shading(light, buffers.point[there], buffers.normal[there]) - middle[same]
+        there, same = beside(buffers, column, row, right, down)
+        more[same] += shading(light, buffers.point[there][same], buffers.normal[there][same]) - middle[same]
     # What a pixel shows more than its middle: half its filter's variance times the second differences of its shading.
     bend = np.abs(more) * _FILTER / 2 / buffers.stride**2
     limit = np.full(len(samples), _BENT * np.average(middle, weights=samples.weight))

@@ -105,19 +105,29 @@ def _footprint(buffers: Buffers, x: NDArray[np.intp], y: NDArray[np.intp]) -> Ar
     Measured between neighbours, and not taken from the normal: a smooth normal is not that of the mesh's faces, and a
     step along its plane may end inside.
     """
-    height, width = buffers.surface.shape
     out = np.zeros((len(x), 2, 3))
     for axis, (right, down) in enumerate(((1, 0), (0, 1))):
         steps = []
         for way in (1, -1):
-            there = np.clip(y + way * down, 0, height - 1), np.clip(x + way * right, 0, width - 1)
-            same = (buffers.surface[there] == buffers.surface[y, x]) & ~buffers.mixed[there]
+            there, same = beside(buffers, x, y, way * right, way * down)
             step = way * (buffers.point[there] - buffers.point[y, x]) / buffers.stride
             steps.append(np.where(same[:, None], step, 0.0))
         ahead, behind = (np.linalg.norm(step, axis=1, keepdims=True) for step in steps)
         # The shorter: a longer one may lead over an edge that lies between two strides.
         out[:, axis] = np.where((ahead > 0) & ((ahead <= behind) | (behind == 0)), steps[0], steps[1])
     return out
+
+
+def beside(
+    buffers: Buffers, x: NDArray[np.intp], y: NDArray[np.intp], right: int, down: int
+) -> tuple[tuple[NDArray[np.intp], NDArray[np.intp]], Mask]:
+    """Rows and columns (N,) of the buffers' pixels so far beside others, and which show the same surface and no other.
+
+    x, y : (N,) columns and rows of the others; beyond the border it is the border's
+    """
+    height, width = buffers.surface.shape
+    there = np.clip(y + down, 0, height - 1), np.clip(x + right, 0, width - 1)
+    return there, (buffers.surface[there] == buffers.surface[y, x]) & ~buffers.mixed[there]
 
 
 def _grown(mask: Mask) -> Mask:
